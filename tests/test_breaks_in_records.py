@@ -69,6 +69,36 @@ def test_a_step_that_all_receivers_pick_up_is_no_break():
         record(line() + pick_up, T, X)
 
 
+def on_another_clock(ratio):
+    """The line by its nearest samples at an interval so many times as long, and the times there."""
+    t = T[0] + ratio * 5e-7 * np.arange(int((len(T) - 1) / ratio))
+    return line()[np.rint((t - T[0]) / 5e-7).astype(int)], t
+
+
+def test_a_record_put_on_a_finer_clock_by_its_nearest_samples_is_taken_back():
+    """Each sample once, at the interval of its own clock: within what rounded times leave open."""
+    one = record(*on_another_clock(0.77), X)
+    assert one.findings[0].what == "samples repeated"
+    assert one.interval == pytest.approx(5e-7, rel=3 * one.interval_error)
+    assert one.interval_error < 1e-3
+    held(in_time(one, method="auto"))
+
+
+@pytest.mark.parametrize("ratio", [1.07, 1.3])
+def test_a_record_put_on_a_coarser_clock_by_its_nearest_samples_is_refused(ratio):
+    """Frames δ late leave parts of a wave at other frequencies, with its k: no wave is there."""
+    with pytest.raises(RecordError, match="off their times by"):
+        record(*on_another_clock(ratio), X)
+
+
+def test_a_clock_that_jitters_is_refused_and_noise_that_all_receivers_share_is_none(rng):
+    """Each frame a tenth of an interval off its time; or a signal of its own added at all."""
+    late = 0.1 * 5e-7 * rng.normal(size=len(T))
+    with pytest.raises(RecordError, match="off their times by"):
+        record(noisy(ricker((T + late)[:, None] - X / SPEED, 5e4, 3e-5)), T, X)
+    record(line() + 0.02 * rng.normal(size=(len(T), 1)), T, X)
+
+
 @pytest.mark.parametrize("fault", ["reversed", "delayed"])
 def test_a_side_of_a_line_is_told_beside_two_modes(fault):
     """Seven of sixteen receivers of two modes turned round, or ten samples late and left out."""

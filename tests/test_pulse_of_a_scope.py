@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from pulses import named, ricker
-from scipy.signal import butter, sosfilt
+from scipy.signal import bilinear, butter, lfilter, sosfilt
 from transducers import INTERVAL, record
 
 from wavesim.cli.main import main
@@ -238,3 +238,17 @@ def test_a_small_wave_that_runs_into_the_direct_one_is_a_precursor(speed, size):
     best = read_one(transmission_record(t, got, sent), 0.12, {}).best
     assert best.valid
     assert abs(best.velocity - speed) < 1.96 * best.velocity_error < 0.2 * speed
+
+
+@pytest.mark.parametrize(("speed", "size", "over"), [(550.0, -0.2, 1.0), (350.0, 0.2, 1.15)])
+def test_the_first_cycle_of_transducers_that_ring_is_no_precursor(speed, size, over):
+    """Both resonate about where they are driven, so that cycles grow one after the other: what
+    stands ahead of the largest may be the wave's own, and the bar reaches back to it."""
+    t, sent, got = record(speed, precursor=size, guided=0.6, crosstalk=0.0, creep=0.0, noise=0.0)
+    omega = 2 * np.pi * F * over
+    b, a = bilinear([omega**2], [1, 2 * 0.25 * omega, omega**2], 1 / INTERVAL)
+    heard = lfilter(b, a, lfilter(b, a, got))
+    heard += 0.01 * np.abs(heard).max() * np.random.default_rng(1).standard_normal(len(t))
+    best = read_one(transmission_record(t, heard, sent), 0.12, {}).best
+    assert best.valid
+    assert abs(best.velocity - speed) < 1.96 * best.velocity_error

@@ -419,6 +419,17 @@ def test_noise_that_a_wave_brings_with_it_is_no_gain(rng):
         assert ("normalised" in told) is gained
 
 
+def test_an_exponential_window_over_all_samples_is_a_gain(rng):
+    """e^{-at} lessens the noise too, before the wave as well: α would be off by a over c."""
+    x, t = 0.02 + 0.005 * np.arange(16), np.arange(1200) * 5e-7
+    u = ricker(t[:, None] - 2e-4 - x / 500) + 1e-3 * rng.normal(size=(1200, 16))
+    assert not record(u, t, x).findings
+    bent = record(u * np.exp(-5e3 * t)[:, None], t, x)
+    assert "normalised" in [one.what for one in bent.findings]
+    with pytest.raises(RecordError, match="a window"):
+        for_k_at_frequency(bent)
+
+
 def test_few_receivers_that_are_left_of_many_with_flat_tops_tell_of_no_several_waves():
     """Of twelve, seven clipped: five are read. Eight: refused."""
     x, t = 0.02 + 0.005 * np.arange(12), np.arange(1000) * 5e-7

@@ -94,6 +94,10 @@ TEXTS = {
     "places behind @": "time (s)," + ",".join(f"ch{v:g} @ {v:g} m" for v in X) + "\n" + rows(),
     "a row of positions": "x (mm)," + ",".join(f"{v * 1e3:g}" for v in X) + "\nTime,a,b,c,d\n"
     + rows(),
+    "depths in a comment": "# depth (m)," + ",".join(f"{v:g}" for v in X) + "\nTime,a,b,c,d\n"
+    + rows(),
+    "places in a comment": "% positions [cm]: " + " ".join(f"{v * 1e2:g}" for v in X)
+    + "\nTime,a,b,c,d\n" + rows(),
     "rows numbered": "Sample," + HEAD + NUMBERED,
     "a clock for each": CLOCKS,
     "carriage returns": (HEAD + rows()).replace("\n", "\r\n"),

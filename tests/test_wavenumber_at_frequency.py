@@ -228,3 +228,6 @@ def test_a_sweep_that_stands_in_a_tube_is_not_folded(rng):
     exact = points.omega / c + 1j * loss
     assert (np.abs(points.k - exact) <= points.bar)[points.valid].mean() >= 0.85
     assert np.median(np.abs(points.k / exact - 1)[points.valid]) < 0.01
+    two = in_space(record(u[:, 1:3], t, x[1:3]), 2 * np.pi * np.linspace(400, 2500, 30))
+    assert any("both ways" in why for why in two.reason)
+    assert not any("half a turn" in why for why in two.reason)

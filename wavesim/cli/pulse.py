@@ -316,7 +316,8 @@ def _single(test: Any, distance: float) -> tuple[Any, float]:
     if not (math.isfinite(distance) and distance > 0):
         stop(
             f"{test.name}: no position is known: give --distance, from tip to tip, in m; where "
-            "several columns are receivers of one test, --spacing or --positions X1,X2,…",
+            "several columns are receivers of one test, --spacing or --positions X1,X2,…; where "
+            "several files are, --distance X1,X2,…",
             BAD_INPUT,
         )
     record = transmission_record(test.t, signal, test.sent, test.name)

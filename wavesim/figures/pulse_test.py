@@ -24,7 +24,7 @@ from wavesim.figures.style import (
     second_axes,
     shade,
 )
-from wavesim.material.shown import DECIBELS, KHZ, with_error
+from wavesim.material.shown import DECIBELS, KHZ, in_time, with_error
 from wavesim.readings.pulse.measurement import PulseResult
 from wavesim.readings.pulse.reading import Best, Reading
 from wavesim.readings.pulse.series_reading import Series
@@ -60,14 +60,16 @@ def record_section(
     record = result.record
     low, high = span or (float(record.t[0]), float(record.t[-1]))
     counted = best.convention if best else "envelope"
-    x = record.x * 1e3
+    per, second = in_time(high - low)
+    units, length = (1.0, "m") if record.x[-1] >= 10 else (1e3, "mm")
+    x = record.x * units
     room = float(np.min(np.diff(x))) * 0.48
     figure = Figure(figsize=(6.6, 1.8 + 0.45 * min(max(len(x), 5), 12)))
     axes = figure.subplots()
     shown = (record.t >= low) & (record.t <= high)
     for j, name in enumerate(record.names):
         u = record.values[:, j] / (np.abs(record.values[:, j]).max() or 1.0)
-        axes.plot(record.t[shown] * 1e6, x[j] + room * u[shown], color="#55606b", lw=0.8)
+        axes.plot(record.t[shown] * per, x[j] + room * u[shown], color="#55606b", lw=0.8)
         if len(x) <= 12:
             axes.text(
                 1.01, x[j], as_written(name), ha="left", va="center", fontsize=7,
@@ -79,20 +81,20 @@ def record_section(
         told = with_error(best.velocity, best.velocity_error, "m/s")
         ends = np.array([x[0] - 1.5 * room, x[-1] + 1.5 * room])
         axes.plot(
-            (begin + ends * 1e-3 / best.velocity) * 1e6, ends, "--", color=FOUND, lw=1.0,
+            (begin + ends / units / best.velocity) * per, ends, "--", color=FOUND, lw=1.0,
             label=f"velocity by {counted}: {told}",
         )  # fmt: skip
     for convention in dict.fromkeys(("first break", counted)):
         mark, face, edge = _MARKS[convention]
         picks = result.arrivals[convention]
         axes.errorbar(
-            picks.time * 1e6, x, xerr=np.nan_to_num(picks.error) * 1e6, fmt=mark, mfc=face,
+            picks.time * per, x, xerr=np.nan_to_num(picks.error) * per, fmt=mark, mfc=face,
             mec=edge, ecolor=edge, ms=11 if mark == "|" else 5.5, mew=1.4 if mark == "|" else 1.0,
             elinewidth=0.8, label=convention, zorder=3,
         )  # fmt: skip
     axes.set(
-        xlim=(low * 1e6, high * 1e6), ylim=(x[0] - 2.2 * room, x[-1] + 2.2 * room),
-        xlabel="t (µs)", ylabel="position (mm)",
+        xlim=(low * per, high * per), ylim=(x[0] - 2.2 * room, x[-1] + 2.2 * room),
+        xlabel=f"t ({second})", ylabel=f"position ({length})",
     )  # fmt: skip
     figure.legend(loc="outside upper center", ncols=3)
     return figure

@@ -275,10 +275,12 @@ def record(
         leak=0.0 if trusted and not ring else None,
         driven=quiet_from is None,
     )
-    spare = nil
+    spare, grain = nil, storage[0]
     if not trusted:
         now, spare, held = _sampled(replace(now, values=within_range(values, found)), found)
         signal = signal[np.searchsorted(t, now.t)] if signal is not None and held > 1 else signal
+        if held % 1:
+            grain = max(grain, (t[-1] - t[0]) / (len(t) - 1))
     alive = living(now.values, now.x, now.labels, ring, still=not (ring and trusted))
     tell_dead(now.x, alive | spare, now.labels, found)
     if ring:
@@ -296,7 +298,7 @@ def record(
     values[:, missing] = 0.0
     unsure = now.clipped | broken | gaps.cut_apart(missing, quiet)
     own = t
-    values, t, missing, interval_error = even_times(values, t, missing, storage[0], found)
+    values, t, missing, interval_error = even_times(values, t, missing, grain, found)
     if any(finding.what == "times uneven" for finding in found):
         whole = None
         signal = None if signal is None else on_clock(signal, own, t)
@@ -322,7 +324,7 @@ def record(
     return replace(now, notes=(*notes, *(f.said for f in found)), findings=tuple(found))
 
 
-def _sampled(now: Record, found: list[Finding]) -> tuple[Record, Mask, int]:
+def _sampled(now: Record, found: list[Finding]) -> tuple[Record, Mask, float]:
     """Samples looked at as they were recorded, of receivers that have most of them.
 
     Returns:

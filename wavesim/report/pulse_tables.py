@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from wavesim.material.shown import DECIBELS, KHZ, in_time, with_error
+from wavesim.material.shown import DECIBELS, in_frequency, in_time, in_wavenumber, with_error
 from wavesim.readings.pulse.reading import Reading, ReceiverArrivals
 from wavesim.readings.pulse.series_reading import Series
 from wavesim.report.terminal import new_table
 
 _CONVENTIONS = ("first break", "threshold", "envelope", "correlation", "followed")
 _WIDE = 110
-_PER_MM = 1e-3 * DECIBELS
 # More notes than this are told by their number alone.
 _MOST_NOTES = 12
 # Receivers whose arrivals are shown.
@@ -99,10 +98,11 @@ def _several(console: Console, one: Reading) -> None:
     else:
         console.print(f"  velocity refused: {best.reason}.", markup=False)
     quality, ratio = result.quality, result.constant_quality
-    low, high = (f / 1e3 for f in quality.band)
+    per, hertz = in_frequency(2 * math.pi * quality.band[1])
+    low, high = (2 * math.pi * per * f for f in quality.band)
     if not quality.reason:
         told = f"  Q {with_error(quality.quality, quality.error)} from α and v_g over {low:.4g} to "
-        told += f"{high:.4g} kHz"
+        told += f"{high:.4g} {hertz}"
         if quality.excess > 3:
             told += f"; it changes with frequency (χ²/ν = {quality.excess:.2g})"
         console.print(told)
@@ -128,7 +128,7 @@ def _several(console: Console, one: Reading) -> None:
     for receiver in one.receivers[:_MOST_RECEIVERS]:
         own = [receiver.arrivals[name].time * scale for name in result.arrivals]
         each = [f"{t:.5g}" if math.isfinite(t) else "–" for t in own]
-        table.add_row(_place(receiver), *each)
+        table.add_row(_place(receiver, one.receivers[-1].position >= 10), *each)
     table.add_section()
     speeds = [result.velocities[name] for name in result.arrivals]
     table.add_row("velocity (m/s)", *(_known(v.velocity, v.error) for v in speeds))
@@ -142,10 +142,10 @@ def _several(console: Console, one: Reading) -> None:
     _spectra(console, one)
 
 
-def _place(receiver: ReceiverArrivals) -> str:
-    """A receiver's name and position, which some headings say already."""
+def _place(receiver: ReceiverArrivals, far: bool) -> str:
+    """A receiver's name and position, in m of far ones, which some headings say already."""
     x = receiver.position
-    name, place = receiver.name[:_LONGEST_NAME], f"{x:.5g} m" if x >= 10 else f"{x * 1e3:.5g} mm"
+    name, place = receiver.name[:_LONGEST_NAME], f"{x:.5g} m" if far else f"{x * 1e3:.5g} mm"
     return name if place in name else f"{name}, {place}"
 
 
@@ -163,13 +163,17 @@ def _spectra(console: Console, one: Reading) -> None:
     if not own:
         return
     rows = own[:: max(1, len(own) // 8)]
-    table = new_table("f (kHz)", "c (m/s)", "v_g (m/s)", "α (dB/mm)", "Q", words=0)
+    per, hertz = in_frequency(float(found.omega[own].max()))
+    share, length = in_wavenumber(float(found.k.real[own].max()))
+    heads = f"f ({hertz})", "c (m/s)", "v_g (m/s)", f"α (dB/{length})", "Q"
+    table = new_table(*heads, words=0)
+    loss, error = (DECIBELS * share * a for a in (found.attenuation, found.attenuation_error))
     for i in rows:
         table.add_row(
-            f"{found.omega[i] * KHZ:.5g}",
+            f"{found.omega[i] * per:.5g}",
             _known(found.phase_velocity[i], found.phase_error[i]),
             _known(found.group_velocity[i], found.group_error[i]),
-            _known(_PER_MM * found.attenuation[i], _PER_MM * found.attenuation_error[i]),
+            _known(loss[i], error[i]),
             _quality(found, i),
         )
     console.print(table)

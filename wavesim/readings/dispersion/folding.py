@@ -14,6 +14,11 @@ FOLDED = (
     "folded: phases run on by more than half a turn between receivers, so that k is ambiguous; "
     "space receivers closer, or have wavesim pulse follow a pulse's arrivals"
 )
+# Where there are two receivers alone.
+OR_BOTH_WAYS = (
+    "folded, or of waves both ways, which three receivers tell and two do not: k is ambiguous; add "
+    "a receiver, nearer to one of them than half a wavelength"
+)
 # A mode points to k = 0 within this part of 2π/d.
 _TO_ZERO = 0.3
 # A slope is told where Re k changes by this part of π/d, and is so many errors.

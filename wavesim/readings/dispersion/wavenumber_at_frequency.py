@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.branch_joining import join
 from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel, runs_on, slowness
-from wavesim.readings.dispersion.folding import FOLDED, folded_branches
+from wavesim.readings.dispersion.folding import FOLDED, OR_BOTH_WAYS, folded_branches
 from wavesim.readings.dispersion.halves_of_line import with_unlike_halves
 from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers, worth
 from wavesim.readings.dispersion.line_fit import unknowns
@@ -201,7 +201,8 @@ def in_space(
         beyond |= runs_on(seen, late, gap, float(np.ptp(band)))
     if not record.lattice:
         known = points.branch, points.k.real, points.omega.real
-        points = points.refused(folded_branches(*known, gap, beyond), FOLDED)
+        why = FOLDED if len(x) > 2 else OR_BOTH_WAYS
+        points = points.refused(folded_branches(*known, gap, beyond), why)
     points = points.refused(grows, GROWS)
     return _with_branches(_enough(points, U * used, models), omega)
 
@@ -330,7 +331,8 @@ def _judged(points: BranchPoints, x: Float, k_max: float | None) -> BranchPoints
     if len(x):
         points = points.refused(
             np.abs(points.k.real) > _NYQUIST * highest_wavenumber(x),
-            "at the receivers' Nyquist wavenumber: space them closer",
+            "at the receivers' Nyquist wavenumber: space them closer, or, where they are one at "
+            "each cell of a crystal or a chain, whose gaps stand there, give --lattice",
         )
     if k_max is not None:
         points = points.refused(np.abs(points.k) > k_max, "above k_max")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavesim.material.shown import in_frequency
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse import faults
 from wavesim.readings.pulse.array_crosstalk import without_crosstalk, without_what_all_hear_at_once
@@ -298,8 +299,9 @@ def _dispersion(result: PulseResult) -> list[str]:
     error = math.hypot(found.phase_error[strongest], found.group_error[strongest])
     if abs(c - v) < max(_DISPERSES * c, 3 * error):
         return []
-    f = found.omega[strongest] / (2 * math.pi)
+    omega = float(found.omega[strongest])
+    per, unit = in_frequency(omega)
     return [
-        f"the medium disperses: at {f / 1e3:.4g} kHz phases run at {c:.4g} m/s and groups at "
-        f"{v:.4g} m/s, so that each convention reads a speed of its own"
+        f"the medium disperses: at {omega * per:.4g} {unit} phases run at {c:.4g} m/s and groups "
+        f"at {v:.4g} m/s, so that each convention reads a speed of its own"
     ]

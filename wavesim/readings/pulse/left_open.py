@@ -221,6 +221,12 @@ def slower(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> 
     return (rise - sent[0]) * dt / period, (fall - sent[1]) * dt / period * alone
 
 
+def as_sent(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> bool:
+    """Whether one of the packets heard rises and falls as fast as what was sent: none does of
+    transducers that ring, whose first cycles are smaller than those that follow."""
+    return max(slower(record, own, heard)) < _RINGS[0]
+
+
 def _about_top(size: Float, at: int | None = None) -> tuple[int, int]:
     """Samples in which an envelope rises from half of a top of it to near that, and falls to half
     from there."""

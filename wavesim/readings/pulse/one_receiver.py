@@ -11,11 +11,11 @@ import numpy as np
 
 from wavesim.readings.pulse.left_open import (
     Arrived,
+    as_sent,
     hidden,
     in_crosstalk,
     left_open,
     open_between,
-    ringing,
     second_cycle,
 )
 from wavesim.readings.pulse.reading import (
@@ -151,7 +151,7 @@ def run_into(
         return (risen, as_well) if wanted.wave == "S" else (one.begins, math.nan)
     # Unless transducers ring, and so rise slowly, what stands above the rise of what was sent is a
     # wave of its own, as likely to be the direct one as one that comes by itself.
-    if not ringing(record, one, heard):
+    if as_sent(record, one, heard):
         ahead = foot(one, record)
         both = [replace(one, top=one.top + one.begins - risen, size=ahead * one.size),
                 replace(one, begins=risen)]  # fmt: skip

@@ -203,7 +203,11 @@ def all_alike(
         duration: of the window, s, as for :func:`mean_quality`.
     """
     own = np.isfinite(loss) & (error > 0)
-    if own.sum() <= _FEWEST_FREQUENCIES or np.ptp(c[own]) > _CONSTANT * np.median(c[own]):
+    if own.sum() <= _FEWEST_FREQUENCIES:
+        return ""
+    # At the band's ends noise makes c what it is not.
+    low, middle, high = np.percentile(c[own], (10, 50, 90))
+    if high - low > _CONSTANT * middle:
         return ""
     w, alpha, weight = omega[own], loss[own], 1 / error[own]
     shared = max(1.0, 2 * np.pi / duration / float(np.median(np.diff(w))))

@@ -1,4 +1,4 @@
-"""Flat tops, stuck stretches, samples that are there twice, and what was done to all of them."""
+"""Flat tops, stuck stretches, and what was done to all samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ _OFF = 0.2
 # Beside noise that is so many times the least step two samples or more at the array's extreme, or
 # three, are cut off there.
 _FINE = ((2, 1e3), (3, 10.0))
-_MOST_HELD = 16
 _STUCK, _LOST = 8, 0.1
 # Sizes of channels are one where they are apart by less than this part of what noise makes, so many
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
@@ -36,6 +35,8 @@ _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
 # over m), and goes on by that part of it in the later half.
 _PARTS, _CHANNELS, _ORDER, _ROUNDING, _MEDIAN = 16, 64, 6, 1e-9, 0.455 * 924
 _ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE, _GOES_ON = 0.5, 0.15, 0.35, 8.0, 1.5, 0.25
+# So many of these, or errors, before the wave under a window; of one that falls so much across it.
+_RISES, _FALLS = 4.0, 0.5
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
 # or each of so many once, shortly, between lobes of that part; most of the time it is below this
 # part. Rectified noise has its least value 1.7 median deviations below its median, and noise that
@@ -127,36 +128,6 @@ def _flat(v: Float, rail: float, quantum: float) -> float:
     return counted / len(v) if climb * 2 > len(long) else 0.0
 
 
-def once_each(
-    values: Float, t: Float, quantum: Float, found: list[Finding]
-) -> tuple[Float, Float, int]:
-    """Every sample once, where each is held for several frames.
-
-    Returns:
-        Values, times, and how many frames each was held.
-    """
-    if values.shape[1] < 64:
-        return values, t, 1
-    same = (values[:, 1:] == values[:, :-1]).all(axis=(0, 2))
-    lively = ~same
-    if same.mean() < 0.45 or lively.sum() < 16:
-        return values, t, 1
-    first = int(np.argmax(lively)) + 1
-    changes = np.flatnonzero(lively) + 1
-    gaps = np.diff(changes)
-    for held in range(2, _MOST_HELD + 1):
-        # Where all is quiet to the last digit frames are equal by right, too.
-        if np.mean(gaps % held == 0) > 0.98 and np.mean(gaps == held) > 0.5:
-            start = first % held
-            found.append(
-                Finding("samples repeated", "all receivers", f"{held} times each", CURED,
-                        f"each sample is there {held} times: one of each taken, so that frames are "
-                        f"{held} times as far apart")
-            )  # fmt: skip
-            return values[:, start::held], t[start::held], held
-    return values, t, 1
-
-
 def without_stuck(
     values: Float, t: Float, x: Float, labels: tuple[str, ...], quantum: Float, found: list[Finding]
 ) -> Float:
@@ -239,7 +210,7 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
             said += "divided by its own"
         elif gain:
             said = f"noise is {gain}, at all receivers alike, as under a gain that changes in time "
-            said += "(an automatic one, e^at, t^n)"
+            said += "(an automatic one, e^at, t^n, a window)"
         if alike or gain:
             said += ", so that amplitudes along them tell nothing"
             found.append(Finding(NORMALISED, "all receivers", alike or gain, TOLD, said))
@@ -280,11 +251,12 @@ def _of_one_size(v: Float, quantum: Float) -> str:
 
 
 def _unsteady(v: Float) -> tuple[str, str]:
-    """How noise grows in time, and how it follows the signal, as only a gain makes it; or "".
+    """How noise changes in time, and how it follows the signal, as only a gain makes it; or "".
 
     Noise is seen by sixth differences, in blocks of channels, (nt, nx): a gain that follows the
     signal leaves less beneath it than where noise is alone; one that grows in time, as e^{at} or
-    tⁿ, makes the noise that is alone grow too, in all alike.
+    tⁿ, makes the noise that is alone grow too, in all alike, and so does a window (Hann's, or modal
+    analysis' e^{−at}) over samples and their noise.
     """
     m, v = len(v) // _PARTS, v[:, :: max(1, v.shape[1] // _CHANNELS)]
     if m < _STUCK:
@@ -318,6 +290,22 @@ def _unsteady(v: Float) -> tuple[str, str]:
         middle = np.median(np.nonzero(alone)[0])
         later = alone & (np.arange(_PARTS)[:, None] > middle)
         if (rows > middle).sum() < 2 or growth(later)[0] > _GOES_ON * slope:
+            grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
+    # A window over all samples bends noise before anything has come, as no wave does; of one that
+    # only falls noise is less behind the wave than before it, by as much as it falls all along.
+    before = np.logical_and.accumulate(alone, axis=0)
+    after = np.logical_and.accumulate(alone[::-1], axis=0)[::-1] & ~before
+    rise, sure = growth(before)
+    if before.any(axis=1).sum() > _SEVERAL and rise > _RISES * max(_GROWS, sure):
+        later = before & (np.arange(_PARTS)[:, None] > np.median(np.nonzero(before)[0]))
+        if not grows and growth(later)[0] > _GOES_ON * rise:
+            grows = "growing before anything comes"
+    both = before.any(axis=0) & after.any(axis=0)
+    if both.sum() >= _SEVERAL and slope < -max(_GROWS, _ERRORS * error):
+        means = [[np.sum(w * of, axis=0)[both] / of.sum(axis=0)[both] for w in (log, at)]
+                 for of in (before, after)]  # fmt: skip
+        (fall, apart) = np.subtract(means[1], means[0])
+        if np.median(fall / apart) < _FALLS * slope:
             grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
     own = np.flatnonzero(alone.any(axis=0) & beneath.any(axis=0))
     if len(own) >= max(_SEVERAL, v.shape[1] / 2):

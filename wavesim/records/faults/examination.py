@@ -11,11 +11,11 @@ from wavesim.records.content import RecordError, UnitsError
 from wavesim.records.faults import quantisation
 from wavesim.records.faults.baseline import without_baseline, without_early_hum
 from wavesim.records.faults.channels import Mended, misfits
-from wavesim.records.faults.clipping import clipped, once_each, tell_processed, without_stuck
+from wavesim.records.faults.clipping import clipped, tell_processed, without_stuck
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
-from wavesim.records.faults.gaps import check_goes_on
+from wavesim.records.faults.frame_times import check_clock, check_goes_on, once_each
 from wavesim.records.faults.moveout import (
     arrivals,
     begun,
@@ -39,7 +39,7 @@ _LISTED = 8
 
 def samples(
     values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
-) -> tuple[Float, Float, int, Float, Mask, Mask]:
+) -> tuple[Float, Float, float, Float, Mask, Mask]:
     """Look at samples as they were recorded: codes, spikes, repeats, flat tops, the least step.
 
     Returns:
@@ -47,7 +47,7 @@ def samples(
         frames each sample was held, of which one is left; and of receivers, shape (nx,): the least
         step, whether they have flat tops, and whether they hold another's samples, or the times.
     """
-    values, t, held = once_each(values, t, np.zeros(0), found)
+    values, t, held = once_each(values, t, found)
     values = without_fill(unwrapped(values, found), t, x, labels, found)
     quantum = quantisation.quanta(values)
     # A gap is as broad in frequency as noise.
@@ -144,6 +144,7 @@ def together(
     strongest = int(np.argmax(np.abs(values).max(axis=(1, 2))))
     if not missing.any() and not as_recorded:
         check_goes_on(values[strongest], t)
+        check_clock(values[strongest])
     own = rest(values[strongest], quantum)
     arrival, middle = arrivals(values[strongest], t, own)
     line = not ring and np.isfinite(x).all()

@@ -312,39 +312,37 @@ def _positions(found: Content, table: Table, channels: list[int]) -> None:
         said, where = _row_of_positions(table, channels)
     if not any(said):
         return
-    placed = [s is not None for s in said]
-    keep = [j for j, there in enumerate(placed) if there]
+    keep = [j for j, s in enumerate(said) if s is not None]
+    out = [j for j, s in enumerate(said) if s is None]
     found.place([s for s in said if s is not None], where)
-    found.unplaced = {
-        found.labels[j]: found.arrays["values"][:, j] for j in range(len(placed)) if not placed[j]
-    }
-    found.unplaced_columns = {
-        found.labels[j]: found.columns[j] for j in range(len(placed)) if not placed[j]
-    }
+    found.unplaced = {found.labels[j]: found.arrays["values"][:, j] for j in out}
+    found.unplaced_columns = {found.labels[j]: found.columns[j] for j in out}
     found.arrays["values"] = found.arrays["values"][:, keep]
     found.labels = tuple(found.labels[j] for j in keep)
     found.columns = tuple(found.columns[j] for j in keep)
 
 
-_OF_PLACES = re.compile(r"(x|positions?|pos|offsets?|distance|dist)\b[^\d]*$", re.IGNORECASE)
+_OF_PLACES = re.compile(r"(x|pos(itions?)?|offsets?|dist(ance)?|depths?)\b[^\d]*$", re.I)
 
 
 def _row_of_positions(
     table: Table, channels: list[int]
 ) -> tuple[list[tuple[float, str | None] | None], str]:
-    """Numbers in a row named "x (m)" or "position [mm]", or headings under a corner t_s/x_m, and
-    which row says so."""
-    nothing: list[tuple[float, str | None] | None] = [None] * len(channels)
-    for row in table.above:
-        corner = row[0].strip() if row else ""
+    """Numbers in a row or a comment named "x (m)" or "depth [mm]", or headings under a corner
+    t_s/x_m, and which row says so."""
+    for row in (*table.above, *table.metadata):
+        cells = [cell.strip(" ,").replace(",", ".") for cell in row]
+        name, *listed = re.split(rf"[\s:=]+(?={NUMBER}(?:\s|$))", " ".join(cells).strip())
+        corner = name if len(listed) == len(channels) else (cells or [""])[0]
         corner_of_both = re.search(r"[/\\|]\s*(x|position|offset)\b.*$", corner, re.I)
         if not (_OF_PLACES.match(corner.replace("_", " ")) or corner_of_both):
             continue
         unit = unit_in(corner_of_both.group() if corner_of_both else corner, "position")
         try:
-            numbers = [float(row[table.columns[c] - 1].replace(",", ".")) for c in channels]
+            own = listed if corner == name else [cells[table.columns[c] - 1] for c in channels]
+            numbers = [float(one) for one in own]
         except (ValueError, IndexError):
             continue
         if unit is not None and len(set(numbers)) == len(numbers):
             return [(n, unit) for n in numbers], f"the row {corner[:40]!r}"
-    return nothing, ""
+    return [None] * len(channels), ""
