@@ -70,9 +70,8 @@ class Truth:
         """ω of each branch at k of shape (m,), rad/m; NaN beyond what is given; (m, branches)."""
         nodes, squares = self._mirrored()
         degree = min(_DEGREE_AT_REAL_K, (len(nodes) - 2) | 1)
-        found = scipy.interpolate.make_interp_spline(nodes, squares, degree)(
-            np.clip(k, nodes[0], nodes[-1])
-        )
+        spline = scipy.interpolate.make_interp_spline(nodes, squares, degree)
+        found = spline(np.clip(k, nodes[0], nodes[-1]))
         root = np.sqrt(found.astype(complex))
         root = np.where(root.real < 0, -root, root)
         outside = (np.abs(k) > self.k[-1] * (1 + 1e-9))[:, None]
