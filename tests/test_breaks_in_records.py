@@ -230,3 +230,15 @@ def test_compressed_samples_are_refused():
     for samples in (np.round(127 * law), 20 * np.log10(np.abs(u) + 1e-4)):
         with pytest.raises(RecordError, match="compressed"):
             record(samples, T, X)
+
+
+@pytest.mark.parametrize("beside", [0.1, 0.2, 0.3])
+def test_a_short_pulse_between_quantised_rests_keeps_its_clock(beside):
+    """Frames at rest are equal by right, and so is one at a crest: no sample was held."""
+    i = np.arange(300)[:, None]
+    for per_period in np.linspace(4, 20, 60):
+        late = (i - 100.3 - beside * per_period * np.arange(2)) / per_period
+        u = np.round(20 * np.exp(-(late**2)) * np.cos(2 * np.pi * late)) / 20
+        found = record(u, 1e-6 * i[:, 0], 0.01 + 0.002 * np.arange(2))
+        assert len(found.t) == 300
+        assert np.isclose(found.interval, 1e-6)

@@ -13,6 +13,7 @@ from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.array_reading import read_array
 from wavesim.readings.pulse.arrivals import threshold
 from wavesim.readings.pulse.measurement import measure
+from wavesim.readings.pulse.quality_over_band import Quality, all_alike
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.velocity import weighted_line
 from wavesim.records.faults.clipping import clipped
@@ -275,6 +276,24 @@ def test_what_falls_at_all_frequencies_alike_is_no_loss(gains):
             exact = (LOSSY.lossless(told.omega) / C).imag
             off = np.abs(told.attenuation - exact) / told.attenuation_error
             assert not (off > 3).any()
+
+
+def test_an_alpha_through_zero_stays_where_the_ratio_is_off_by_what_velocities_leave_open():
+    """α = ω/2cQ, Q = 100: velocities change by 1/πQ, and the spectral ratio is off by as much."""
+    omega, c = np.linspace(2e5, 2e6, 60), np.full(60, 300.0)
+    alpha = omega / (2 * c * 100) + 1e-9
+
+    def of(inverse, error):
+        return Quality(1 / inverse, error / inverse**2, inverse, error, 60)
+
+    def said(ratio):
+        return all_alike(
+            of(0.01, 7e-5), of(ratio, 1.4e-4), omega, c, alpha, 0.01 * alpha, 0.05, 1e-4
+        )
+
+    assert not said(0.0091)
+    # Beside a ratio of half: exp(−½ (0.01 − 0.005) ω Δx/c), at the middle of the band.
+    assert f"has {np.exp(-0.0025 * 1.1e6 * 0.05 / 300):.2g} of" in said(0.005)
 
 
 def test_waves_that_spread_have_velocities_and_no_loss():

@@ -430,6 +430,21 @@ def test_an_exponential_window_over_all_samples_is_a_gain(rng):
         for_k_at_frequency(bent)
 
 
+def test_the_foot_of_a_wave_of_few_samples_a_period_is_no_window(rng):
+    """Of constant Q = 5, Kramers and Kronig's: high frequencies come first, loud as noise that
+    grows; under Hann's window noise grows from the first sample on."""
+    x, f0, dt = 0.02 * np.arange(1, 61) / 60 + 0.02, 1e5, 1 / 3.9e5
+    omega = 2 * np.pi * np.fft.rfftfreq(2048, dt)
+    omega[0] = 1.0
+    k = omega / 300 * (1 - np.log(omega / (2 * np.pi * f0)) / (np.pi * 5)) + omega * 1j / 3000
+    late = (np.arange(2048) * dt - 1.1e-4) * f0
+    sent = np.exp(-((late / 2.3) ** 2)) * np.cos(2 * np.pi * late)
+    each = np.conj(np.conj(np.fft.rfft(sent))[:, None] * np.exp(1j * k[:, None] * (x - x[0])))
+    u = np.fft.irfft(each, axis=0)[:190] + 1e-3 * rng.normal(size=(190, 60))
+    t = dt * np.arange(190)
+    assert "normalised" not in [one.what for one in record(u, t, x).findings]
+
+
 def test_few_receivers_that_are_left_of_many_with_flat_tops_tell_of_no_several_waves():
     """Of twelve, seven clipped: five are read. Eight: refused."""
     x, t = 0.02 + 0.005 * np.arange(12), np.arange(1000) * 5e-7

@@ -225,12 +225,16 @@ def all_alike(
     constant, sure = beyond(1)
     if constant < 0:
         constant, sure = beyond(2)
-    # Where α ripples, as by an echo, its mean may be surer than its line.
+    # Where α ripples, as by an echo, its mean may be surer than its line; the spectral ratio is off
+    # by as much as velocities leave open, too.
     apart = quality.inverse - ratio.inverse
     known = not ratio.reason or ratio.reason.startswith(UNSEEN.split("{")[0])
-    mean = known and apart > _APART * math.hypot(quality.inverse_error, ratio.inverse_error)
+    beside = apart - _PART * abs(quality.inverse)
+    mean = known and beside > _APART * math.hypot(quality.inverse_error, ratio.inverse_error)
     if not (sure > _SURELY or (mean and constant > 0)):
         return ""
+    if not sure > _SURELY:
+        constant = apart * float(np.median(w / c[own])) / 2  # 1/Q = 2αc/ω
     return ALIKE.format(math.exp(-constant * span))
 
 

@@ -291,14 +291,16 @@ def _unsteady(v: Float) -> tuple[str, str]:
         later = alone & (np.arange(_PARTS)[:, None] > middle)
         if (rows > middle).sum() < 2 or growth(later)[0] > _GOES_ON * slope:
             grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
-    # A window over all samples bends noise before anything has come, as no wave does; of one that
-    # only falls noise is less behind the wave than before it, by as much as it falls all along.
+    # A window over all samples bends noise before anything has come, from the first on, as no wave
+    # does whose foot has periods of few samples; of one that only falls noise is less behind the
+    # wave than before it, by as much as it falls all along.
     before = np.logical_and.accumulate(alone, axis=0)
     after = np.logical_and.accumulate(alone[::-1], axis=0)[::-1] & ~before
     rise, sure = growth(before)
     if before.any(axis=1).sum() > _SEVERAL and rise > _RISES * max(_GROWS, sure):
-        later = before & (np.arange(_PARTS)[:, None] > np.median(np.nonzero(before)[0]))
-        if not grows and growth(later)[0] > _GOES_ON * rise:
+        late = np.arange(_PARTS)[:, None] > np.median(np.nonzero(before)[0])
+        halves = [growth(before & half)[0] for half in (late, ~late)]
+        if not grows and min(halves) > _GOES_ON * rise:
             grows = "growing before anything comes"
     both = before.any(axis=0) & after.any(axis=0)
     if both.sum() >= _SEVERAL and slope < -max(_GROWS, _ERRORS * error):

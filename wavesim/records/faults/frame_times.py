@@ -62,6 +62,9 @@ def once_each(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
                         f"{held} times as far apart")
             )  # fmt: skip
             return values[:, start::held], t[start::held], held
+    # Frames at rest before and after are equal by right, and so are a few at a quantised crest.
+    if np.sum(gaps - 1) < _AGAIN:
+        return values, t, 1
     slower = even(changes.astype(float), 1.0)
     if slower is None or slower.step < 1 + 0.5 / len(changes):
         return values, t, 1
