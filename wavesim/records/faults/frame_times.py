@@ -32,6 +32,8 @@ _BETWEEN, _COPIED, _ONE_TIME = 0.25, 0.04, 0.6
 # else were there, by the median of so many parts of the record, as what is picked up is in one, and
 # more than this part of an interval. Waves and noise make up to 0.3 of the first.
 _ALONG, _STRETCHES, _OF_INTERVAL = 0.7, 5, 0.02
+# Of fewer receivers the two shapes that are taken out of all leave too little.
+_FEWEST = 6
 
 
 def once_each(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Float, float]:
@@ -131,7 +133,7 @@ def check_clock(u: Float) -> None:
     """
     u, off, _ = _deviations(u)
     nx = u.shape[1]
-    if not len(off) or nx <= _MOVING:
+    if not len(off) or nx < _FEWEST:
         return
     slope = (u[_SIDE + 1 : len(u) - _SIDE + 1] - u[_SIDE - 1 : len(u) - _SIDE - 1]) / 2
     weight = 1 / np.sqrt(np.maximum(np.mean(off**2, axis=0), 1e-20))
