@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.signals import PulseError
+from wavesim.readings.pulse.signals import FEWEST_QUIET, PulseError
 from wavesim.records.windows import noise_density
 
 Float = NDArray[Any]
 
 # The band about the central frequency, over and in multiples of it.
 _LOW, _HIGH = 8.0, 8.0
-# Fewer quiet samples tell nothing of a noise.
-_FEWEST_QUIET = 32
 
 
 def band_about(u: Float, dt: float, period: float) -> Float:
@@ -61,7 +59,7 @@ def central_period(
     power = np.abs(np.fft.rfft(u * window)) ** 2
     smooth = np.convolve(power, np.ones(5) / 5, "same")
     level = np.full(len(f), _highest(power, f, sampled))
-    if len(quiet) >= _FEWEST_QUIET:
+    if len(quiet) >= FEWEST_QUIET:
         before = noise_density(quiet, dt, f) / dt * np.sum(window**2)
         # What lies below the first frequency that so short a part shows is not known by it.
         level = np.where(f * len(quiet) * dt > 4, np.maximum(level, before), level)
