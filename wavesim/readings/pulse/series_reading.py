@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.common_crosstalk import without_common
 from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
 from wavesim.readings.pulse.one_receiver import arrived, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
@@ -54,6 +55,8 @@ UNLIKE_MOST = (
     "most records of the series show no wave of this one's, or it lies within their crosstalk: "
     "shield and ground both sides, or look whether they are of one set-up"
 )
+# A wave moves through a series by so many periods at least, where crosstalk does not.
+_MOVES = 1.5
 # A wave that this part of a series or more does not show is none.
 _MOST_LOST = 0.6
 
@@ -105,6 +108,25 @@ def read_series(
         )
     check_distance(distance)
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
+    cleared = without_common(records)
+    if cleared is not None:
+        answer = _read(cleared, L, delays, parameter, p, wanted)
+        times = np.array([one.best.time for one in answer[0] if one.best.valid])
+        if len(times) > 1 and np.ptp(times) > _MOVES * np.median([one.period for one in cleared]):
+            return answer
+    return _read(records, L, delays, parameter, p, wanted)
+
+
+def _read(
+    records: Sequence[TransmissionRecord],
+    L: Float,
+    delays: Mapping[str, float],
+    parameter: str,
+    p: Float,
+    wanted: Wanted,
+) -> tuple[list[Reading], Series]:
+    """The same of records whose crosstalk is known as well as it can be."""
+    count = len(records)
     heard = [[] if one.covered else packets(one) for one in records]
     delay = delays.get(OF_ONE, 0.0)
     largest = [max(own, key=lambda q: q.size).top for own in heard if own]
