@@ -319,8 +319,8 @@ def test_receivers_unlike_each_other_widen_errors(rng):
 @pytest.mark.parametrize("gain", [0.99, 1.01])
 @pytest.mark.parametrize("quality", [30.0, 60.0])
 def test_a_gain_that_two_receivers_cannot_tell_is_in_the_bars_of_alpha_and_q(gain, quality):
-    """Law: a gain g adds ln g/Δx to α, of which the spectral ratio holds nothing. One of a hundredth
-    put Q of 60 off by five, ten standard errors; α and c(f) by Kjartansson's k(ω)."""
+    """Law: a gain g adds ln g/Δx to α, of which the spectral ratio holds nothing. One of a
+    hundredth put Q of 60 off by five, ten standard errors; α and c(f) by Kjartansson's k(ω)."""
     t = np.arange(-2e-4, 3e-3, 2.5e-6)
     n, s = 8 * len(t), (t - 1e-4) * 1e4
     omega = 2 * np.pi * np.fft.rfftfreq(n, 2.5e-6)

@@ -92,3 +92,15 @@ def test_a_wave_that_does_not_move_is_no_crosstalk():
     for one in readings:
         assert one.best.valid, one.best.reason
         assert abs(one.best.time - TIME[2]) <= 1.96 * one.best.error
+
+
+@pytest.mark.parametrize("sound", [3, 4])
+def test_records_of_noise_alone_in_a_series_are_told_so(sound):
+    """Noise correlates with noise by 0.4 or more somewhere within a period: half were answered."""
+    records = [of(i, 6e3, [(T, 1.0), (1.5 * T, 0.6)]) for i, T in enumerate(TIME)]
+    for i in range(sound, 5):
+        noise = np.random.default_rng(i).standard_normal(len(records[i].t))
+        records[i] = transmission_record(records[i].t, noise, records[i].sent, f"{i}")
+    readings, _ = read_series(records, L, {}, "stress (kPa)", STRESS.tolist(), Wanted("S"))
+    assert [one.best.valid for one in readings] == [i < sound for i in range(5)]
+    assert all("out of the noise" in one.best.reason for one in readings[sound:])
