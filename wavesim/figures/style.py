@@ -52,6 +52,7 @@ POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mew": 0.9}
 # Of branches and modes, told apart by both.
 SHADES = ("#0b3954", "#c8102e", "#2f7f4f", "#7a3e9d", "#e08e1b", "#555555")
 MARKS = ("o", "s", "^", "D", "v", "P")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # What a file says of when it was made: left out, so that one figure is one file.
 _DATED = {"pdf": "CreationDate", "svg": "Date"}
 
@@ -179,6 +180,22 @@ def set_out(figure: Figure, left: float = 0.72, right: float = 0.15, columns: in
     )  # fmt: skip
 
 
+def decades(axes: Axes) -> None:
+    """Make y logarithmic with its decades alone as ticks, in plain text.
+
+    Ticks between them, and formulas for 10ⁿ, take longer to draw than all else on the axes.
+    """
+    axes.set_yscale("log", subs=())
+    axes.yaxis.set_major_formatter(lambda y, _: _power_of_ten(float(y)))
+
+
+def _power_of_ten(y: float) -> str:
+    exponent = round(np.log10(y)) if y > 0 else 0
+    if not np.isclose(y, 10.0**exponent, atol=0):  # of a span that holds no two decades
+        return f"{y:.3g}"
+    return f"10{str(exponent).translate(_RAISED)}"
+
+
 def thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:
     """Largest value in each of so many tiles, for a picture of a large array."""
     for axis, most in enumerate(pixels):
@@ -213,7 +230,8 @@ def warm_up() -> None:
         figure = Figure(figsize=(2, 2))
         axes = figure.subplots()
         axes.plot([1.0, 2.0], [1.0, 100.0], "o-", label="φ₁ (µs)")
-        axes.set(yscale="log", title="$\\bar\\omega$", xlabel="ω/2π (kHz)")
+        axes.set(xlabel="ω/2π (kHz)")
+        decades(axes)
         second_axes(axes, (2.0, "ω̄"), None)
         axes.legend()
         FigureCanvasAgg(figure).print_png(BytesIO())
