@@ -181,12 +181,15 @@ def set_out(figure: Figure, left: float = 0.72, right: float = 0.15, columns: in
 
 
 def decades(axes: Axes) -> None:
-    """Make y logarithmic with its decades alone as ticks, in plain text.
+    """Make y logarithmic with its decades alone as ticks, in plain text, once all is drawn.
 
     Ticks between them, and formulas for 10ⁿ, take longer to draw than all else on the axes.
     """
     axes.set_yscale("log", subs=())
     axes.yaxis.set_major_formatter(lambda y, _: _power_of_ten(float(y)))
+    low, high = np.log10(axes.get_ylim())
+    if high - low < 2:  # so that there are two of them at least
+        axes.set_ylim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
 
 
 def _power_of_ten(y: float) -> str:
