@@ -52,6 +52,8 @@ POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mew": 0.9}
 # Of branches and modes, told apart by both.
 SHADES = ("#0b3954", "#c8102e", "#2f7f4f", "#7a3e9d", "#e08e1b", "#555555")
 MARKS = ("o", "s", "^", "D", "v", "P")
+# Characters of a name that a figure has room for.
+_LONGEST = 46
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # What a file says of when it was made: left out, so that one figure is one file.
 _DATED = {"pdf": "CreationDate", "svg": "Date"}
@@ -63,8 +65,10 @@ def symbol(name: str) -> str:
 
 
 def as_written(name: str) -> str:
-    """A name as it is: $ begins no formula, and _ does not keep it from the legend."""
-    plain = name.replace("$", r"\$")
+    """A name as it is, if need be its ends alone: $ begins no formula, _ keeps it in the legend."""
+    half = _LONGEST // 2
+    shown = name if len(name) <= _LONGEST else f"{name[:half]} … {name[-half:]}"
+    plain = shown.replace("$", r"\$")
     return f"\N{THIN SPACE}{plain}" if plain.startswith("_") else plain
 
 
