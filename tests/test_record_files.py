@@ -355,7 +355,7 @@ def test_places_in_two_axes_are_along_their_line():
 
 @pytest.mark.parametrize("part", [1e-306, 1e40])
 def test_places_whose_squares_are_no_numbers_are_refused_whoever_asks(part):
-    with pytest.raises(RecordError, match="positions .* give them between"):
+    with pytest.raises(RecordError, match=r"positions .* give them between"):
         record(U, T, X * part, placed=False)
 
 
