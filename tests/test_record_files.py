@@ -15,7 +15,7 @@ import scipy.io
 
 from wavesim.records.files import Layout, from_arrays, from_xarray, read
 from wavesim.records.formats.seismic import of_stream
-from wavesim.records.record import RecordError
+from wavesim.records.record import RecordError, record
 
 N, M = 64, 4
 T = np.arange(N) * 5e-7
@@ -351,6 +351,12 @@ def test_places_in_two_axes_are_along_their_line():
     for bent in (corner, np.c_[np.cos(100 * np.pi * X), np.sin(100 * np.pi * X)]):
         with pytest.raises(RecordError, match="on no straight line"):
             from_arrays({"u": U, "t": T, "xpos": bent})
+
+
+@pytest.mark.parametrize("part", [1e-306, 1e40])
+def test_places_whose_squares_are_no_numbers_are_refused_whoever_asks(part):
+    with pytest.raises(RecordError, match=r"positions .* give them between"):
+        record(U, T, X * part, placed=False)
 
 
 def test_hdf5_with_units_and_groups_with_places(tmp_path):
