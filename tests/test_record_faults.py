@@ -128,7 +128,7 @@ def test_hum_of_many_periods_is_taken_out(size):
 
 
 def test_multiples_of_the_mains_frequency_go_with_it(rng):
-    """Twice of a rectifier, three, five and seven times of a saturated core, over twenty periods."""
+    """Twice of a rectifier, three, five and seven times of a saturated core."""
     t, x = np.arange(3000) * 5e-4 - 0.2, 5 + 3.0 * np.arange(8)
     u = ricker(t[:, None] - x / 220, 20)
     noise = 2e-3 * rng.normal(size=u.shape)
