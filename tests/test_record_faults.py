@@ -127,6 +127,19 @@ def test_hum_of_many_periods_is_taken_out(size):
     assert "hum" in {f.what for f in found.findings}
 
 
+def test_multiples_of_the_mains_frequency_go_with_it(rng):
+    """Twice of a rectifier, three, five and seven times of a saturated core."""
+    t, x = np.arange(3000) * 5e-4 - 0.2, 5 + 3.0 * np.arange(8)
+    u = ricker(t[:, None] - x / 220, 20)
+    noise = 2e-3 * rng.normal(size=u.shape)
+    hum = sum(
+        size * np.sin(2 * np.pi * 50.02 * n * t[:, None] + rng.uniform(0, 6, 8))
+        for n, size in ((1, 0.2), (2, 0.1), (3, 0.08), (5, 0.04), (7, 0.02))
+    )
+    left = record(u + noise + hum, t, x).values[0] - u - noise
+    assert np.sqrt(np.mean(left**2)) < 1e-3
+
+
 def test_hum_is_taken_out_at_four_samples_to_its_period():
     """Sampled at 200 Hz, 50 Hz and its triple are one series of numbers."""
     t, x = np.arange(600) * 5e-3, 5.0 * np.arange(1, N + 1)
