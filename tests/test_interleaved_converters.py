@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.records.faults.interleaved import one_converter
 from wavesim.records.record import record
 
 T, X = np.arange(900) * 4e-7, np.arange(48) * 1e-3
@@ -45,5 +46,9 @@ def test_noise_and_short_pulses_have_no_converter_of_their_own(part, rng):
     t = np.arange(600.0)
     pulse = np.exp(-(((t[:, None] - 200 - 3 * np.arange(12)) / 2.0) ** 2))
     values = pulse + part * rng.normal(size=(600, 12))
+    # … nor has a record that breaks.
+    broken = np.delete(pulse, slice(210, 225), axis=0) + 1e-4 * rng.normal(size=(585, 12))
+    one_broken = one_converter(broken[None], np.arange(12.0), [""] * 12, [])
+    assert np.array_equal(one_broken, broken[None])
     one = record(values, t * 1e-6, np.arange(12) * 5e-3)
     assert "interleaved" not in {found.what for found in one.findings}

@@ -15,8 +15,8 @@ Float = NDArray[Any]
 # Taps of the half-band filter that parts a signal from its image, and the fewest frames.
 _TAPS, _FEWEST = 41, 256
 # The image stands above what is by chance in so many numbers' worth of the upper half band by this
-# factor, and is this part of all that is there.
-_ABOVE, _PART = 25.0, 0.5
+# factor, and is this part of all that is there, in each of so many parts that hold as much of it.
+_ABOVE, _PART, _PARTS = 25.0, 0.5, 8
 
 
 def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[Finding]) -> Float:
@@ -50,10 +50,11 @@ def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[
         a, h = seen[c, inside, j], high[c, inside, j]
         size = np.sqrt(np.sum(a**2, axis=0)) + 1e-300
         amount = np.linalg.lstsq(a / size, h, rcond=1e-9)[0] / size
-        left = float(np.sum((h - a @ amount) ** 2))
+        fit = a @ amount
+        left = float(np.sum((h - fit) ** 2))
         told = float(np.sum(h**2)) - left
         chance = left * len(amount) / (len(h) / 2)
-        if told > _ABOVE * chance and told > _PART * (told + left):
+        if told > _ABOVE * chance and _all_along(h, fit):
             image[c, :, j] = parts[c, :, j] @ amount
             which[j] = True
             most = max(most, float(np.abs(image[c, :, j]).max() / np.abs(values[c, :, j]).max()))
@@ -66,3 +67,11 @@ def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[
                 f"converters in turn: put right ({where})")
     )  # fmt: skip
     return values - image
+
+
+def _all_along(high: Float, fit: Float) -> bool:
+    """Whether an image is most of what is above all along the record, and not where it breaks."""
+    so_far = np.cumsum(fit**2)
+    part = np.minimum(_PARTS * so_far / max(so_far[-1], 1e-300), _PARTS - 1).astype(int)
+    left, all_of_it = (np.bincount(part, one, _PARTS) for one in ((high - fit) ** 2, high**2))
+    return bool((left < (1 - _PART) * all_of_it).all())
