@@ -316,6 +316,24 @@ def test_receivers_unlike_each_other_widen_errors(rng):
     assert np.mean(within) >= 0.9
 
 
+@pytest.mark.parametrize("spacing", [8e-3, 2e-2, 5e-2])
+def test_a_flexural_wave_keeps_its_ambiguity_and_a_velocity_foreseen_resolves_it(spacing, rng):
+    """k = √(ω/D) at 100 kHz runs at 501 m/s, its group at 1003: the line through the phases of
+    receivers 1.6 to 10 wavelengths apart is at kd/2 where ω = 0, near a multiple of 2π or not."""
+    t, x = np.arange(3000) * 2.5e-7, 0.1 + spacing * np.arange(4)
+    tau = t - 2e-5
+    on = (tau > 0) & (tau < 4e-5)
+    sent = np.where(on, np.sin(np.pi * tau / 4e-5) ** 2 * np.sin(2e5 * np.pi * tau), 0)
+    values = through(lambda w: np.sqrt(np.asarray(w, complex) / 0.4), t, sent, x)
+    values = values + 2e-3 * np.abs(values).max() * rng.standard_normal(values.shape)
+    record, omega = pulse_record(t, *named(values, x)), hz(6e4, 1.4e5, 30)
+    window = Gate(t[0], t[-1], 0.05)
+    assert not dispersion(record, window, omega).valid.any()
+    found = dispersion(record, window, omega, expected=(1e5, 500.0))
+    assert found.valid.sum() >= 20
+    assert np.abs(found.k.real / np.sqrt(omega / 0.4) - 1)[found.valid].max() < 2e-3
+
+
 @pytest.mark.parametrize("gain", [0.99, 1.01])
 @pytest.mark.parametrize("quality", [30.0, 60.0])
 def test_a_gain_that_two_receivers_cannot_tell_is_in_the_bars_of_alpha_and_q(gain, quality):

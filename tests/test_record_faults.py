@@ -362,6 +362,16 @@ def test_a_ring_tells_what_a_bad_receiver_lacks(bad):
     assert "x = 0.003" in found.findings[-1].where
 
 
+@pytest.mark.parametrize("noise", [1e-3, 0.03])
+def test_magnitudes_are_no_signals(noise, rng):
+    """√(a² + b²) of two normal parts is Rayleigh's at rest."""
+    u = np.exp(-(((T[:, None] - 1.5e-4 - X / SPEED) / 2e-5) ** 2)) * np.exp(1j * np.arange(N))
+    u = u + noise * (rng.normal(size=u.shape) + 1j * rng.normal(size=u.shape))
+    with pytest.raises(RecordError, match="values are magnitudes"):
+        record(np.abs(u), T, X)
+    record(u.real + 1.9 * noise, T, X)
+
+
 def test_a_frame_written_twice_counts_once():
     found = record(np.insert(CLEAN, 200, CLEAN[200], axis=0), np.insert(T, 200, T[200]), X)
     assert found.t == pytest.approx(T, rel=1e-12)

@@ -297,13 +297,13 @@ def _dispersion(result: PulseResult, expected: tuple[float, float] | None) -> li
     """Whether phase and group velocity are apart, and whether --expected may have put them so."""
     found = result.dispersion
     with np.errstate(invalid="ignore"):
-        own = found.valid & np.isfinite(found.group_velocity)
+        own = found.valid & np.isfinite(found.group_velocity + found.phase_velocity)
     if own.sum() < 3:
         return []
     strongest = int(np.argmax(np.where(own, result.spectra.source, -1.0)))
     c, v = found.phase_velocity[strongest], found.group_velocity[strongest]
     error = math.hypot(found.phase_error[strongest], found.group_error[strongest])
-    if abs(c - v) < max(_DISPERSES * c, 3 * error):
+    if abs(c - v) < max(_DISPERSES * abs(c), 3 * error):
         return []
     omega = float(found.omega[strongest])
     per, unit = in_frequency(omega)
