@@ -37,17 +37,20 @@ def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[
     """
     if values.shape[1] < _FEWEST or not np.isfinite(values).all():
         return values
-    taps = scipy.signal.firwin(_TAPS, 0.5)
-    low = scipy.ndimage.convolve1d(values, taps, axis=1, mode="nearest")
-    turn = (-1.0) ** np.arange(values.shape[1])[None, :, None]
+    frames = values.shape[1]
+    low, turn = _below(values), ((-1.0) ** np.arange(frames))[:, None]
+    high, rises = values - low, np.gradient(low, axis=1)
+    alike = np.max(
+        [np.abs(_correlation(high, turn * part)) for part in (np.ones_like(low), low, rises)],
+        axis=0,
+    )
+    image, which, most = None, np.zeros(values.shape[2], bool), 0.0
     inside = slice(_TAPS, -_TAPS)
-    parts = np.stack([np.ones_like(low), low, np.gradient(low, axis=1)], -1) * turn[..., None]
-    # Of each part what the filter leaves of it above.
-    seen = parts - scipy.ndimage.convolve1d(parts, taps, axis=1, mode="nearest")
-    high = values - low
-    image, which, most = np.zeros_like(values), np.zeros(values.shape[2], bool), 0.0
-    for c, j in np.ndindex(values.shape[0], values.shape[2]):
-        a, h = seen[c, inside, j], high[c, inside, j]
+    # Where an image is most of what is above, one of three parts is a third of that.
+    for c, j in np.argwhere(alike > np.sqrt(_PART / 3) / 2):
+        parts = turn * np.stack([np.ones(frames), low[c, :, j], rises[c, :, j]], axis=-1)
+        # Of each part what the filter leaves of it above.
+        a, h = (parts - _below(parts[None])[0])[inside], high[c, inside, j]
         size = np.sqrt(np.sum(a**2, axis=0)) + 1e-300
         amount = np.linalg.lstsq(a / size, h, rcond=1e-9)[0] / size
         fit = a @ amount
@@ -55,10 +58,11 @@ def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[
         told = float(np.sum(h**2)) - left
         chance = left * len(amount) / (len(h) / 2)
         if told > _ABOVE * chance and _all_along(h, fit):
-            image[c, :, j] = parts[c, :, j] @ amount
+            image = np.zeros_like(values) if image is None else image
+            image[c, :, j] = parts @ amount
             which[j] = True
             most = max(most, float(np.abs(image[c, :, j]).max() / np.abs(values[c, :, j]).max()))
-    if not which.any():
+    if image is None:
         return values
     where = places(x, which, labels)
     found.append(
@@ -67,6 +71,19 @@ def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[
                 f"converters in turn: put right ({where})")
     )  # fmt: skip
     return values - image
+
+
+def _below(values: Float) -> Float:
+    """What of values, (C, nt, nx), lies below a quarter of the sampling frequency."""
+    n = np.arange(_TAPS) - _TAPS // 2
+    taps = np.sinc(n / 2) * np.hamming(_TAPS)
+    return np.asarray(scipy.ndimage.convolve1d(values, taps / taps.sum(), axis=1, mode="nearest"))
+
+
+def _correlation(u: Float, v: Float) -> Float:
+    """Σ u v over what both have, over all times, shape (C, nx)."""
+    size = np.sqrt(np.sum(u**2, axis=1) * np.sum(v**2, axis=1)) + 1e-300
+    return np.asarray(np.sum(u * v, axis=1) / size)
 
 
 def _all_along(high: Float, fit: Float) -> bool:
