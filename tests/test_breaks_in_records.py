@@ -242,3 +242,22 @@ def test_a_short_pulse_between_quantised_rests_keeps_its_clock(beside):
         found = record(u, 1e-6 * i[:, 0], 0.01 + 0.002 * np.arange(2))
         assert len(found.t) == 300
         assert np.isclose(found.interval, 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bursts_at_one_receiver_at_a_time_are_no_clock_of_all(seed):
+    """As the speckle of a laser's spot makes them: the noise of one is along its own slope."""
+    rng = np.random.default_rng(seed)
+    u = line()
+    for j in range(16):
+        for at in rng.integers(0, 990, 3):
+            u[at : at + 4, j] += rng.normal(0, 1, 4)
+    held(in_time(record(u, T, X), method="auto"))
+
+
+@pytest.mark.parametrize("gone", [[0], range(900, 960), [*range(700, 703), *range(990, 1000)]])
+def test_frames_lost_where_all_is_quiet_take_nothing_along(gone):
+    u = line()
+    whole, u[list(gone)] = in_time(record(u, T, X), method="auto"), np.nan
+    points = held(in_time(record(u, T, X), method="auto"))
+    assert len(points) > 0.9 * whole.valid.sum()

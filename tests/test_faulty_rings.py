@@ -189,3 +189,25 @@ def test_a_dead_receiver_s_waves_are_read_from_the_others_as_well_as_from_all():
         assert len(own) >= 25
         bars.append(np.median(own.bar))
     assert bars[1] < 3 * bars[0]
+
+
+def test_a_line_whose_frequency_moves_is_no_pair_of_waves():
+    """Of a specimen that softens by 0.2 % in a record each line is, by any record of its length,
+    two, of which one grows: refused; in a quarter of the record it is one, and read."""
+    rng = np.random.default_rng(5)
+    x, t = np.arange(48) * 1e-3, np.arange(900) * 4e-7
+    k = 2 * np.pi * np.arange(1, 19) / 0.048
+    omega, slow = 1e6 * np.sin(k * 5e-4), t * (1 - 0.002 * t / t[-1])
+    u = np.zeros((len(t), len(x)))
+    for sign in (1, -1):
+        wave = np.exp(1j * (sign * np.outer(k, x) + rng.uniform(0, 2 * np.pi, len(k))[:, None]))
+        u += (np.exp(-1j * np.outer(slow, omega)) @ wave).real
+    u = u / np.abs(u).max() + 1e-3 * rng.normal(size=u.shape)
+    found = in_time(record(u, t, x, ring=True))
+    assert found.valid.sum() <= 4
+    assert sum(reason.startswith("its frequency moves") for reason in found.reason) >= 28
+    found = in_time(record(u[:225], t[:225], x, ring=True))
+    own = found.take(found.valid)
+    mean = 1e6 * np.sin(own.k * 5e-4) * (1 - 0.002 * t[225] / t[-1])
+    assert len(own) >= 16
+    assert np.mean(np.abs(own.omega - mean) <= own.bar) >= 0.85

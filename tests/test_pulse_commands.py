@@ -344,3 +344,19 @@ def test_times_that_say_no_unit_make_no_velocity_of_no_wave(tmp_path):
     told = json.loads(pulse(*words, "--time-unit", "ms", "--json").output)["records"][0]["best"]
     assert told["valid"]
     assert abs(told["velocity"] - 300) <= 2 * told["velocity_error"] <= 60
+
+
+def test_a_wave_that_runs_towards_smaller_positions_has_its_speed(tmp_path, rng):
+    """Receivers counted from the far end, and of negative positions: 1200 m/s both."""
+    t, x = np.arange(1000) * 1e-6, 0.02 + 0.004 * np.arange(8)
+    late = (np.pi * 2e4 * (t[:, None] - 1.5e-4 - x / 1200)) ** 2
+    values = (1 - 2 * late) * np.exp(-late) + 1e-3 * rng.normal(size=late.shape)
+    for positions, columns in ((x, values[:, ::-1]), (-x, values)):
+        np.savez(tmp_path / "line.npz", t=t, x=positions, values=columns)
+        (one,) = json.loads(pulse(tmp_path / "line.npz", "--json").output)["records"]
+        assert one["best"]["valid"]
+        assert abs(one["best"]["velocity"] - 1200) <= 2 * one["best"]["velocity_error"]
+        assert sorted(each["position"] for each in one["receivers"]) == pytest.approx(
+            sorted(positions)
+        )
+        assert any("towards smaller positions" in note for note in one["notes"])

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import transducers
 from pulses import lorentz, named, ricker, through
 
 from wavesim.material.damping import constant_quality, quality
+from wavesim.readings.pulse.array_reading import read_array
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.phase_unwrapping import OPEN, UNDRIVEN
 from wavesim.readings.pulse.quality_over_band import (
@@ -312,3 +314,46 @@ def test_receivers_unlike_each_other_widen_errors(rng):
         found = dispersion(pulse_record(T, *named(u, x)), WHOLE, omega)
         within.append(np.abs(found.k - exact) <= np.sqrt(-2 * np.log(0.05)) * found.k_error)
     assert np.mean(within) >= 0.9
+
+
+@pytest.mark.parametrize("spacing", [8e-3, 2e-2, 5e-2])
+def test_a_flexural_wave_keeps_its_ambiguity_and_a_velocity_foreseen_resolves_it(spacing, rng):
+    """k = √(ω/D) at 100 kHz runs at 501 m/s, its group at 1003: the line through the phases of
+    receivers 1.6 to 10 wavelengths apart is at kd/2 where ω = 0, near a multiple of 2π or not."""
+    t, x = np.arange(3000) * 2.5e-7, 0.1 + spacing * np.arange(4)
+    tau = t - 2e-5
+    on = (tau > 0) & (tau < 4e-5)
+    sent = np.where(on, np.sin(np.pi * tau / 4e-5) ** 2 * np.sin(2e5 * np.pi * tau), 0)
+    values = through(lambda w: np.sqrt(np.asarray(w, complex) / 0.4), t, sent, x)
+    values = values + 2e-3 * np.abs(values).max() * rng.standard_normal(values.shape)
+    record, omega = pulse_record(t, *named(values, x)), hz(6e4, 1.4e5, 30)
+    window = Gate(t[0], t[-1], 0.05)
+    assert not dispersion(record, window, omega).valid.any()
+    found = dispersion(record, window, omega, expected=(1e5, 500.0))
+    assert found.valid.sum() >= 20
+    assert np.abs(found.k.real / np.sqrt(omega / 0.4) - 1)[found.valid].max() < 2e-3
+
+
+@pytest.mark.parametrize("gain", [0.99, 1.01])
+@pytest.mark.parametrize("quality", [30.0, 60.0])
+def test_a_gain_that_two_receivers_cannot_tell_is_in_the_bars_of_alpha_and_q(gain, quality):
+    """Law: a gain g adds ln g/Δx to α, of which the spectral ratio holds nothing. One of a
+    hundredth put Q of 60 off by five, ten standard errors; α and c(f) by Kjartansson's k(ω)."""
+    t = np.arange(-2e-4, 3e-3, 2.5e-6)
+    n, s = 8 * len(t), (t - 1e-4) * 1e4
+    omega = 2 * np.pi * np.fft.rfftfreq(n, 2.5e-6)
+    sent = np.fft.rfft((1 - 2 * (np.pi * s) ** 2) * np.exp(-((np.pi * s) ** 2)), n)
+    x = {"a": 0.02, "b": 0.04}
+    rows = {
+        name: np.fft.irfft(
+            sent * np.conj(np.exp(1j * transducers.lossy(omega, 100.0, quality) * at))
+        )
+        for name, at in x.items()
+    }
+    noise = 1e-3 * np.abs(rows["a"]).max() * np.random.default_rng(1).standard_normal((2, len(t)))
+    heard = {"a": rows["a"][: len(t)] + noise[0], "b": gain * rows["b"][: len(t)] + noise[1]}
+    result = read_array("line", t, heard, x).result
+    of_band, found = result.quality, result.dispersion.with_errors
+    assert abs(of_band.inverse - 1 / quality) <= 1.96 * of_band.inverse_error <= 0.3 / quality
+    off = found.attenuation - transducers.lossy(found.omega, 100.0, quality).imag
+    assert np.mean((np.abs(off) <= 1.96 * found.attenuation_error)[np.isfinite(off)]) > 0.9

@@ -64,3 +64,43 @@ def test_p_waves_of_two_ways_ahead_of_an_s_wave_are_no_s_wave():
     waves = [[(T / 1.8, 0.5), (T / 1.35, 0.42), (T, 1.0), (1.5 * T, 0.7)] for T in TIME]
     records = [of(i, 1.2e4, waves[i]) for i in range(5)]
     assert np.abs(off(records, 1.2e4)).max() < 0.5
+
+
+def with_crosstalk(times, f, known, fall):
+    """Beside the waves a circuit rings at 1.7 f, which what was sent foretells by no coupling; it
+    falls by e in some periods 1/f."""
+    records = []
+    for i, T in enumerate(times):
+        one = of(i, f, [(T, 1.0), (1.5 * T, 0.6)])
+        s = np.maximum(one.t, 0.0) * f
+        got = one.raw + 0.6 * np.sin(2 * np.pi * 1.7 * s) * np.exp(-s / fall)
+        records.append(transmission_record(one.t, got, one.sent if known else None, f"{i}"))
+    return records
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_crosstalk_that_rings_into_the_waves_is_told_as_it_stands_still(known):
+    """It falls by e in three periods of what was sent, and three come before the first wave."""
+    f = 3.0 / TIME[-1]
+    assert np.ptp(off(with_crosstalk(TIME, f, known, 3.0), f)) < 0.3
+
+
+def test_a_wave_that_does_not_move_is_no_crosstalk():
+    """The same five times, as of a state that changes nothing: all within their bars."""
+    records = with_crosstalk(np.full(5, TIME[2]), 6e3, True, 0.5)
+    readings, _ = read_series(records, L, {}, "hours", [1, 2, 3, 4, 5], Wanted("S"))
+    for one in readings:
+        assert one.best.valid, one.best.reason
+        assert abs(one.best.time - TIME[2]) <= 1.96 * one.best.error
+
+
+@pytest.mark.parametrize("sound", [3, 4])
+def test_records_of_noise_alone_in_a_series_are_told_so(sound):
+    """Noise correlates with noise by 0.4 or more somewhere within a period: half were answered."""
+    records = [of(i, 6e3, [(T, 1.0), (1.5 * T, 0.6)]) for i, T in enumerate(TIME)]
+    for i in range(sound, 5):
+        noise = np.random.default_rng(i).standard_normal(len(records[i].t))
+        records[i] = transmission_record(records[i].t, noise, records[i].sent, f"{i}")
+    readings, _ = read_series(records, L, {}, "stress (kPa)", STRESS.tolist(), Wanted("S"))
+    assert [one.best.valid for one in readings] == [i < sound for i in range(5)]
+    assert all("out of the noise" in one.best.reason for one in readings[sound:])

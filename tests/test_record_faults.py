@@ -127,6 +127,19 @@ def test_hum_of_many_periods_is_taken_out(size):
     assert "hum" in {f.what for f in found.findings}
 
 
+def test_multiples_of_the_mains_frequency_go_with_it(rng):
+    """Twice of a rectifier, three, five and seven times of a saturated core."""
+    t, x = np.arange(3000) * 5e-4 - 0.2, 5 + 3.0 * np.arange(8)
+    u = ricker(t[:, None] - x / 220, 20)
+    noise = 2e-3 * rng.normal(size=u.shape)
+    hum = sum(
+        size * np.sin(2 * np.pi * 50.02 * n * t[:, None] + rng.uniform(0, 6, 8))
+        for n, size in ((1, 0.2), (2, 0.1), (3, 0.08), (5, 0.04), (7, 0.02))
+    )
+    left = record(u + noise + hum, t, x).values[0] - u - noise
+    assert np.sqrt(np.mean(left**2)) < 1e-3
+
+
 def test_hum_is_taken_out_at_four_samples_to_its_period():
     """Sampled at 200 Hz, 50 Hz and its triple are one series of numbers."""
     t, x = np.arange(600) * 5e-3, 5.0 * np.arange(1, N + 1)
@@ -347,6 +360,16 @@ def test_a_ring_tells_what_a_bad_receiver_lacks(bad):
     assert np.array_equal(points.k, clean.k)
     assert np.abs(points.omega / clean.omega - 1).max() < 1e-5
     assert "x = 0.003" in found.findings[-1].where
+
+
+@pytest.mark.parametrize("noise", [1e-3, 0.03])
+def test_magnitudes_are_no_signals(noise, rng):
+    """√(a² + b²) of two normal parts is Rayleigh's at rest."""
+    u = np.exp(-(((T[:, None] - 1.5e-4 - X / SPEED) / 2e-5) ** 2)) * np.exp(1j * np.arange(N))
+    u = u + noise * (rng.normal(size=u.shape) + 1j * rng.normal(size=u.shape))
+    with pytest.raises(RecordError, match="values are magnitudes"):
+        record(np.abs(u), T, X)
+    record(u.real + 1.9 * noise, T, X)
 
 
 def test_a_frame_written_twice_counts_once():

@@ -15,7 +15,7 @@ import scipy.io
 
 from wavesim.records.files import Layout, from_arrays, from_xarray, read
 from wavesim.records.formats.seismic import of_stream
-from wavesim.records.record import RecordError
+from wavesim.records.record import RecordError, record
 
 N, M = 64, 4
 T = np.arange(N) * 5e-7
@@ -353,6 +353,12 @@ def test_places_in_two_axes_are_along_their_line():
             from_arrays({"u": U, "t": T, "xpos": bent})
 
 
+@pytest.mark.parametrize("part", [1e-306, 1e40])
+def test_places_whose_squares_are_no_numbers_are_refused_whoever_asks(part):
+    with pytest.raises(RecordError, match=r"positions .* give them between"):
+        record(U, T, X * part, placed=False)
+
+
 def test_hdf5_with_units_and_groups_with_places(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("scan/time", data=T * 1e6).attrs["units"] = "us"
@@ -657,3 +663,88 @@ def test_the_sources_signal_is_no_receiver(tmp_path):
         RecordError, match=r"--input 9: no such column; there are 2 'sent', 3 'got'"
     ):
         read(tmp_path / "a.csv", Layout(input="9", placed=False))
+
+
+@pytest.mark.parametrize("version", ["5", "7.3"])
+def test_matlabs_cells_are_receivers_side_by_side(tmp_path, version):
+    path = tmp_path / "cells.mat"
+    if version == "5":
+        cells = np.empty(M, object)
+        cells[:] = [U[:, [j]] for j in range(M)]
+        scipy.io.savemat(path, {"traces": cells, "dt": T[1], "x_mm": 1e3 * X})
+    else:
+        with h5py.File(path, "w") as file:
+            cells = file.create_dataset("traces", (1, M), dtype=h5py.ref_dtype)
+            cells.attrs["MATLAB_class"] = np.bytes_("cell")
+            for j in range(M):
+                cells[0, j] = file.create_dataset(f"#refs#/{j}", data=U[:, j][None]).ref
+            file["dt"], file["x_mm"] = [[T[1]]], 1e3 * X[:, None]
+    same(read(path, Layout()))
+
+
+def test_axes_of_one_entry_tell_nothing(tmp_path):
+    path = tmp_path / "stacked.npz"
+    np.savez(path, data=U.T[None, :, :, None].astype(">f8"), time_us=1e6 * T, x_mm=1e3 * X)
+    same(read(path, Layout()))
+
+
+def test_dates_are_times_whatever_their_name_is(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    frames = np.datetime64("2024-01-01T00:00:00", "ns") + np.round(T * 1e9).astype("m8[ns]")
+    coords = {"frame": frames, "x": ("sensor", 100 * X, {"units": "cm"})}
+    xarray.DataArray(U, coords, ("frame", "sensor"), "v").to_netcdf(
+        tmp_path / "frames.nc", engine="h5netcdf"
+    )
+    same(read(tmp_path / "frames.nc", Layout()))
+
+
+def test_rows_of_words_below_the_numbers_are_none(tmp_path):
+    path = tmp_path / "with_statistics.csv"
+    below = f"Max,{','.join(f'{v:g}' for v in U.max(0))}\nMean,0,0,0,0\nend of record\n"
+    path.write_text(HEAD + rows() + below)
+    found = read(path, Layout())
+    same(found)
+    assert "3 rows below the numbers: left out" in found.notes
+
+
+def test_a_clock_may_pass_midnight(tmp_path):
+    day = np.datetime64("2024-03-01T23:59:59.990", "us") + np.round(T * 1e9).astype("m8[us]")
+    lines = [f"{str(when)[11:]},{line.partition(',')[2]}"
+             for when, line in zip(day, rows().splitlines(), strict=True)]  # fmt: skip
+    path = tmp_path / "night.csv"
+    path.write_text(HEAD.replace("t_s", "Time") + "\n".join(lines) + "\n")
+    same(read(path, Layout()), t=1e3 * T)
+
+
+def test_a_unit_may_stand_for_the_name_of_times_and_in_brackets_for_places(tmp_path):
+    path = tmp_path / "short.csv"
+    path.write_text("us," + ",".join(f"Ch{j} ({v / 0.0254:.12g} in)" for j, v in enumerate(X))
+                    + "\n" + rows(1e6 * T))  # fmt: skip
+    same(read(path, Layout()))
+
+
+@pytest.mark.parametrize("layout", [Layout(), Layout(time="f")])
+def test_spectra_are_no_signals(tmp_path, layout):
+    path = tmp_path / "response.npz"
+    np.savez(path, H=U, f=1e3 * np.arange(N), x=X)
+    with pytest.raises(RecordError, match=r"f \(64,\) holds frequencies"):
+        read(path, layout)
+
+
+def test_traces_of_sac_count_from_the_event(tmp_path):
+    """With reference times of their own, b − o is what says when each begins."""
+    obspy = pytest.importorskip("obspy")
+    u, t, cut = np.vstack([0 * U, U]), np.arange(2 * N) / 1000, (0, 7, 3, 12)
+    for j, first in enumerate(cut):
+        trace = obspy.Trace(u[first:, j].astype("f4"), {"delta": 1e-3})
+        trace.stats.sac = {"b": t[first] + 0.5, "o": 0.5, "dist": X[j]}
+        trace.write(str(tmp_path / f"R{j}.sac"), format="SAC")
+    from wavesim.records.formats.seismic import from_seismic
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = from_seismic(*(tmp_path / f"R{j}.sac" for j in range(M)))
+    assert found.arrays["t"] == pytest.approx(t, abs=1e-6)
+    for j, first in enumerate(cut):
+        assert np.isnan(found.arrays["values"][:first, j]).all()
+        assert found.arrays["values"][first:, j] == pytest.approx(u[first:, j], abs=1e-6)

@@ -111,12 +111,12 @@ def _recovered(
     from wavesim.report.progress import working
 
     files = given["files"]
-    drawing: Worker | Here = Here()
+    draw = Here().ask
     if len(files) == 1 and (path := own_result(files[0])):
         if drawn:
-            drawing = click.get_current_context().with_resource(Worker())
-            drawing.prepare("wavesim.figures.style.warm_up")
-            drawing.prepare("importlib.import_module", _DRAWING)
+            # By the process itself, one after the other: what it drew helps it with the next.
+            draw = click.get_current_context().with_resource(Worker()).prepare
+            draw("importlib.import_module", _DRAWING)
         origins = sectors(path, travelling=kind == "attenuation")
     else:
         medium = medium_of(given["medium"])
@@ -132,7 +132,7 @@ def _recovered(
             except (RecordError, NotHyperbolicError) as error:
                 stop(f"{file}: {error}", BAD_INPUT)
             if drawn:
-                drawings.append(drawing.ask(f"{_DRAWING}.write", found, drawn))
+                drawings.append(draw(f"{_DRAWING}.write", found, drawn))
             results += [one.without_values() for one in found]
         for one in drawings:
             one.result()

@@ -193,6 +193,7 @@ def _readings(
     from wavesim.readings.pulse.reading import refused as refusal
     from wavesim.readings.pulse.series_reading import Series, law_of, read_series
     from wavesim.readings.pulse.signals import PulseError
+    from wavesim.records.of_pulse_test import of_lengths
 
     count = len(tests)
     if setup.states is not None:
@@ -217,7 +218,7 @@ def _readings(
         distance = each[i] if each else math.nan
         try:
             if test.placed:
-                found[i] = _array(test, expected)
+                found[i] = _either_way(test, expected)
             else:
                 single[i] = _single(test, distance)
         except PulseError as error:
@@ -229,7 +230,7 @@ def _readings(
         for i, (record, distance) in single.items():
             one = read_one(record, distance, setup.delays, wanted)
             found[i] = _noted(one, tests[i])
-        if len(single) == count and (of_all := _of_lengths(tests, single)):
+        if len(single) == count and (of_all := of_lengths(tests, single)):
             with suppress(PulseError):
                 found.append(_array(of_all, expected))
         return found, None
@@ -243,27 +244,6 @@ def _readings(
         for i, one in zip(own, readings, strict=True):
             found[i] = _noted(one, tests[i])
     return found, Series(parameter, values, law_of(found, values))
-
-
-def _of_lengths(tests: Sequence[Any], single: dict[int, Any]) -> Any:
-    """Tests of specimens of several lengths as one of receivers at these, which needs no delay;
-    None where lengths are alike, or clocks are not."""
-    import numpy as np
-
-    records, lengths = zip(*single.values(), strict=True)
-    first, t = records[0], tests[0].t
-    alike = all(
-        np.shape(test.t) == np.shape(t)
-        and np.allclose(test.t, t, rtol=0, atol=first.interval / 2)
-        and abs(one.start - first.start) < first.interval
-        for test, one in zip(tests, records, strict=True)
-    )
-    if len(tests) < 2 or len(set(lengths)) < len(tests) or not alike:
-        return None
-    signals = {one.name: next(iter(one.signals.values())) for one in tests}
-    places = dict(zip(signals, lengths, strict=True))
-    note = "one material is taken for all of them, and for α and Q one coupling"
-    return replace(tests[0], name="all lengths", signals=signals, positions=places, notes=(note,))
 
 
 def _noted(reading: Any, test: Any) -> Any:
@@ -305,6 +285,24 @@ def _array(test: Any, expected: tuple[float, float] | None) -> Any:
         ),
         test,
     )
+
+
+def _either_way(test: Any, expected: tuple[float, float] | None) -> Any:
+    """Receivers of one record, whichever end of their line the wave comes from."""
+    from wavesim.readings.pulse.velocity import BACKWARDS
+
+    reading = _array(test, expected)
+    if reading.best.reason != BACKWARDS:
+        return reading
+    ends = sum(extreme(x for x in test.positions.values() if math.isfinite(x))
+               for extreme in (min, max))  # fmt: skip
+    turned = {name: ends - x for name, x in test.positions.items()}
+    other = _array(replace(test, positions=turned), expected)
+    if not other.best.valid:
+        return reading
+    receivers = tuple(replace(one, position=ends - one.position) for one in other.receivers)
+    said = "the wave runs towards smaller positions: distances are counted from the largest"
+    return replace(other, receivers=receivers, notes=(said, *other.notes))
 
 
 def _single(test: Any, distance: float) -> tuple[Any, float]:

@@ -23,6 +23,7 @@ from wavesim.figures.style import (
     THEORY,
     Drawings,
     as_written,
+    decades,
     gap_edges,
     legend_entries,
     second_axes,
@@ -66,7 +67,7 @@ def transmission(field: Field, found: Scattered) -> Figure:
     for value, exact, mark in ((found.T, found.T_exact, "o"), (found.R, found.R_exact, "s")):
         lower.plot(f[judged], np.abs(value - exact)[judged], mark, mec=RECORD_MARK, **POINT)
     lower.axhline(AMPLITUDE_TOLERANCE, color=THEORY, lw=0.7, ls=":", label="tolerance")
-    lower.set_yscale("log")
+    decades(lower)
     lower.set(xlabel=f"ω/2π (kHz), at ω + iσ, σ/2π = {found.sigma * KHZ:.3g} kHz",
               ylabel="|simulated − exact|")  # fmt: skip
     second_axes(upper, (field.medium.time_scale / KHZ, "ω̄, of the first layer"), None)
@@ -124,7 +125,7 @@ def eigenfrequencies(field: Field, found: Ringing) -> Figure:
     ringing_panel(upper, found)
     lower.plot(found.exact * KHZ, np.abs(found.found / found.exact - 1), "o", mec=FOUND, **POINT)
     lower.axhline(RESONANCE_TOLERANCE, color=THEORY, lw=0.7, ls=":", label="tolerance")
-    lower.set_yscale("log")
+    decades(lower)
     lower.set(xlabel="ω/2π (kHz)", ylabel="|Δω|/ω")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
@@ -186,7 +187,7 @@ def signals(field: Field, reading: Reading) -> Figure:
         below.plot(at * 1e6, worst, color=shades[number], ls=_STYLES[number % 4], lw=0.9,
                    label=as_written(receiver) if receiver in shown else None)  # fmt: skip
     below.axhline(SIGNAL_TOLERANCE, color=THEORY, lw=0.9, ls=":", label="tolerance")
-    below.set_yscale("log")
+    decades(below)
     top = max(10 * SIGNAL_TOLERANCE, 3 * float(np.nanmax(tops, initial=0.0)))
     below.set(
         xlim=(0, t[-1]), ylim=(1e-6 * min(top, 1e-2), top), xlabel="t (µs)",

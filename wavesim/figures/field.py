@@ -18,6 +18,7 @@ from wavesim.figures.style import (
     THEORY,
     Drawings,
     as_written,
+    decades,
     gap_edges,
     second_axes,
     shade,
@@ -164,12 +165,12 @@ def receivers(field: Field) -> Figure:
             )  # fmt: skip
         largest = float(power.max()) or 1.0
         spectrum.set(xlim=(0, field.band * KHZ), ylim=(1e-5 * largest, 2 * largest))
-        spectrum.set_yscale("log", subs=())  # of many decades; ticks between cost much to draw
+        decades(spectrum)
         one_medium = len(field.layers.layers) == 1
         for sector in dict.fromkeys(b.sector for b in field.blocks if name in b.fields):
             if one_medium:
                 shade(spectrum, gap_edges(field.medium, sector))
-        spectrum.set_ylabel(f"|∫ {symbol(name)} e$^{{iωt}}$ dt| ({field.unit(name)} µs)")
+        spectrum.set_ylabel(f"|∫ {symbol(name)} exp(iωt) dt| ({field.unit(name)} µs)")
         _section(section, field, name, own)
     handles, labels = rows[0, 1].get_legend_handles_labels()
     # Of many receivers some: the others' colours lie between.

@@ -24,7 +24,7 @@ from wavesim.figures.style import (
     second_axes,
     shade,
 )
-from wavesim.material.shown import DECIBELS, KHZ, in_time, with_error
+from wavesim.material.shown import DECIBELS, KHZ, in_frequency, in_time, in_wavenumber, with_error
 from wavesim.readings.pulse.measurement import PulseResult
 from wavesim.readings.pulse.reading import Best, Reading
 from wavesim.readings.pulse.series_reading import Series
@@ -43,8 +43,6 @@ _MOST_POINTS = 90
 # Per cent of the values at either end that an axis' range may leave out, so that a few wild ones
 # near the edges of a gap don't flatten all others.
 _WILD = 2.0
-# From Np/m to dB/mm.
-_DECIBELS = 1e-3 * DECIBELS
 
 
 def record_section(
@@ -156,7 +154,10 @@ def velocities_and_losses(
             "group_velocity", "attenuation" (Np/m), "quality".
     """
     found, exact = result.dispersion, exact or {}
-    frequency = found.omega * KHZ
+    per, hertz = in_frequency(float(found.omega.max(initial=0.0)))
+    share, length = in_wavenumber(float(np.nanmax(found.k.real, initial=0.0)))
+    frequency, decibels = found.omega * per, DECIBELS * share
+    gaps = [(name, low * per / KHZ, high * per / KHZ) for name, low, high in gaps]
     figure = Figure(figsize=(6.2, 7.4))
     speed, loss, factor = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1, 1))
     every = max(1, -(-len(frequency) // _MOST_POINTS))
@@ -166,13 +167,14 @@ def velocities_and_losses(
         (loss, "attenuation", "attenuation_error", "", "o"),
         (factor, "quality", "quality_error", "", "o"),
     )
-    labels = {speed: "velocity (m/s)", loss: "attenuation (dB/mm)", factor: "Q = ω/2α$v_g$"}
-    for axes, label in labels.items():
+    for axes in (speed, loss, factor):
         shade(axes, gaps, named=axes is speed)
-        axes.set_ylabel(label)
+    speed.set_ylabel("velocity (m/s)")
+    loss.set_ylabel(f"attenuation (dB/{length})")
+    factor.set_ylabel("Q = ω/2α$v_g$")
     seen: dict[Axes, list[Any]] = {speed: [], loss: [], factor: []}
     for axes, name, error_name, label, mark in parts:
-        unit = _DECIBELS if axes is loss else 1.0
+        unit = decibels if axes is loss else 1.0
         value, error = unit * getattr(found, name), unit * getattr(found, error_name)
         # A ratio known to no better than half tells nothing; attenuation may well be 0.
         counts = ~(error > 0.5 * np.abs(value)) | (name == "attenuation")
@@ -187,14 +189,14 @@ def velocities_and_losses(
         )  # fmt: skip
         seen[axes].append(value[own])
         if name in exact:
-            at, curve = exact[name]
+            at, curve = exact[name][0] * per / KHZ, unit * np.asarray(exact[name][1])
             style, told = ("-", "exact") if mark == "o" else ("--", "group velocity, exact")
-            axes.plot(at, unit * np.asarray(curve), style, color=THEORY, lw=0.9, label=told)
+            axes.plot(at, curve, style, color=THEORY, lw=0.9, label=told)
     for axes, values in seen.items():
         _limit(axes, np.concatenate(values))
     figure.legend(*legend_entries(*seen), loc="outside upper center", ncols=4)
-    second_axes(loss, None, (1 / _DECIBELS, "Np/m"))
-    factor.set(xlim=_ends(frequency), xlabel="ω/2π (kHz)")
+    second_axes(loss, None, (1 / decibels, "Np/m"))
+    factor.set(xlim=_ends(frequency), xlabel=f"ω/2π ({hertz})")
     return figure
 
 

@@ -110,7 +110,8 @@ def residuals(one: Recovered) -> Figure:
             )
             bar = (matched.bar / matched.omega)[:, b]
             axes.plot(matched.k * to_k, bar, color=shade, lw=0.8, label=f"{name}, 95 % bar")
-        axes.set(yscale="log", xlabel=f"k (rad/{unit})")
+        style.decades(axes)
+        axes.set_xlabel(f"k (rad/{unit})")
         axes.set_title(title, y=1.01)
         axes.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel("|Δω|/ω")
@@ -185,7 +186,8 @@ def wavenumber_residuals(one: Recovered) -> Figure:
             )  # fmt: skip
     bar = np.where(points.valid, points.bar / np.abs(points.k), np.nan)
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
-    axes.set(yscale="log", xlabel=f"ω/2π ({f_unit})", ylabel="|Δk|/|k|")
+    style.decades(axes)
+    axes.set(xlabel=f"ω/2π ({f_unit})", ylabel="|Δk|/|k|")
     axes.set_title(as_written(one.origin.name), y=1.01)
     axes.grid(alpha=0.25, lw=0.5)
     style.set_out(figure, left=0.95)

@@ -52,6 +52,9 @@ POINT: dict[str, Any] = {"ms": 3.4, "mfc": "white", "mew": 0.9}
 # Of branches and modes, told apart by both.
 SHADES = ("#0b3954", "#c8102e", "#2f7f4f", "#7a3e9d", "#e08e1b", "#555555")
 MARKS = ("o", "s", "^", "D", "v", "P")
+# Characters of a name that a figure has room for.
+_LONGEST = 46
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # What a file says of when it was made: left out, so that one figure is one file.
 _DATED = {"pdf": "CreationDate", "svg": "Date"}
 
@@ -62,8 +65,10 @@ def symbol(name: str) -> str:
 
 
 def as_written(name: str) -> str:
-    """A name as it is: $ begins no formula, and _ does not keep it from the legend."""
-    plain = name.replace("$", r"\$")
+    """A name as it is, if need be its ends alone: $ begins no formula, _ keeps it in the legend."""
+    half = _LONGEST // 2
+    shown = name if len(name) <= _LONGEST else f"{name[:half]} … {name[-half:]}"
+    plain = shown.replace("$", r"\$")
     return f"\N{THIN SPACE}{plain}" if plain.startswith("_") else plain
 
 
@@ -179,6 +184,25 @@ def set_out(figure: Figure, left: float = 0.72, right: float = 0.15, columns: in
     )  # fmt: skip
 
 
+def decades(axes: Axes) -> None:
+    """Make y logarithmic with its decades alone as ticks, in plain text, once all is drawn.
+
+    Ticks between them, and formulas for 10ⁿ, take longer to draw than all else on the axes.
+    """
+    axes.set_yscale("log", subs=())
+    axes.yaxis.set_major_formatter(lambda y, _: _power_of_ten(float(y)))
+    low, high = np.log10(axes.get_ylim())
+    if high - low < 2:  # so that there are two of them at least
+        axes.set_ylim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
+
+
+def _power_of_ten(y: float) -> str:
+    exponent = round(np.log10(y)) if y > 0 else 0
+    if not np.isclose(y, 10.0**exponent, atol=0):  # of a span that holds no two decades
+        return f"{y:.3g}"
+    return f"10{str(exponent).translate(_RAISED)}"
+
+
 def thin(values: np.ndarray, pixels: tuple[int, int]) -> np.ndarray:
     """Largest value in each of so many tiles, for a picture of a large array."""
     for axis, most in enumerate(pixels):
@@ -213,7 +237,8 @@ def warm_up() -> None:
         figure = Figure(figsize=(2, 2))
         axes = figure.subplots()
         axes.plot([1.0, 2.0], [1.0, 100.0], "o-", label="φ₁ (µs)")
-        axes.set(yscale="log", title="$\\bar\\omega$", xlabel="ω/2π (kHz)")
+        axes.set(xlabel="ω/2π (kHz)")
+        decades(axes)
         second_axes(axes, (2.0, "ω̄"), None)
         axes.legend()
         FigureCanvasAgg(figure).print_png(BytesIO())

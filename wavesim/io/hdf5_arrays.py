@@ -23,7 +23,7 @@ class Stored:
     """What an HDF5 file holds.
 
     Attributes:
-        arrays: by path, up to three axes.
+        arrays: by path, up to three axes, those of one entry not counted.
         units: of arrays, where an attribute says one.
         texts: attributes that are one text, by path, those named a unit left out.
         numbers: attributes that are one number, by name, of the file and its groups.
@@ -63,14 +63,21 @@ def read_arrays(path: Path, largest: int) -> Stored:
             return
         for key, value in item.attrs.items():
             _attribute(found, name, key, value)
-        if not isinstance(item, h5py.Dataset) or item.shape is None or item.ndim > 3:
+        if not isinstance(item, h5py.Dataset) or item.shape is None:
             return
-        if item.attrs.get("MATLAB_class") in (b"char", b"cell", b"function_handle"):
+        if h5py.check_ref_dtype(item.dtype) is h5py.Reference:
+            parts = _referred(item, largest)
+            if parts is not None:
+                found.arrays[name] = parts
+            return
+        if item.attrs.get("MATLAB_class") in (b"char", b"function_handle"):
             return
         kind = item.dtype.kind
         if kind == "V" and item.dtype.names and set(item.dtype.names) == {"real", "imag"}:
             kind = "c"  # as MATLAB stores complex numbers
         if kind not in "fiubcV":
+            return
+        if np.sum(np.array(item.shape) != 1) > 3:
             return
         if item.size > largest:
             raise ValueError(
@@ -85,13 +92,27 @@ def read_arrays(path: Path, largest: int) -> Stored:
                 if values[column].dtype.kind in "fiub":
                     found.arrays[f"{name}/{column}"] = np.asarray(values[column])
             return
-        found.arrays[name] = np.asarray(values)
+        found.arrays[name] = np.squeeze(values) if np.ndim(values) > 3 else np.asarray(values)
 
     with h5py.File(path, "r") as file:
         for key, value in file.attrs.items():
             _attribute(found, "", key, value)
         file.visititems(keep)
     return found
+
+
+def _referred(item: h5py.Dataset, largest: int) -> NDArray[Any] | None:
+    """What a cell array, or a field of an array of structures, of MATLAB's refers to, side by side
+    along the last axis; None where that is not numbers of one shape."""
+    parts = [item.file[one] for one in item[()].ravel() if one]
+    alike = len({one.shape for one in parts if isinstance(one, h5py.Dataset)}) == 1
+    if not alike or not all(isinstance(one, h5py.Dataset) for one in parts):
+        return None
+    first = parts[0]
+    text = first.attrs.get("MATLAB_class") == b"char"
+    if first.dtype.kind not in "fiu" or text or first.size * len(parts) > largest:
+        return None
+    return np.stack([np.squeeze(one[()]) for one in parts], axis=-1)
 
 
 def _attribute(found: Stored, name: str, key: str, value: Any) -> None:

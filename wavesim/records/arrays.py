@@ -20,6 +20,7 @@ from wavesim.records.axes import (
     as_long,
     axes_of,
     bare,
+    check_spectra,
     interval_said,
     is_axis,
     listed,
@@ -27,7 +28,7 @@ from wavesim.records.axes import (
     times_fall,
     times_of,
 )
-from wavesim.records.content import Content, RecordError
+from wavesim.records.content import Content, RecordError, without_single_axes
 from wavesim.records.faults.gaps import FEWEST_FRAMES
 from wavesim.records.layout import Layout
 from wavesim.records.units import named_as, position_in
@@ -88,7 +89,7 @@ def find(content: Content, layout: Layout) -> Found:
         )
     # Rows and columns are of one axis, as MATLAB has no other.
     arrays = {n: a.ravel() if a.ndim == 2 and 1 in a.shape and not content.labels
-              else a[..., 0] if a.ndim == 3 and a.shape[-1] == 1 else a
+              else without_single_axes(a)
               for n, a in arrays.items()}  # fmt: skip
     notes = list(content.notes)
     content = replace(content, arrays=arrays, unplaced=dict(content.unplaced))
@@ -125,6 +126,7 @@ def find(content: Content, layout: Layout) -> Found:
     fits = [0 if labels else as_long(content, layout, one.shape[-2:]) for one in (values, swapped)]
     untold = fits == [0, 0] and not labels and 1 not in values.shape[-2:]
     lies, how = _lies_across(values, name) if untold else (fits[0] < fits[1], "")
+    check_spectra(content, layout, values.shape[-2:])
     axes = None if lies else axes_of(content, layout, values)
     if axes is None:
         axes = axes_of(content, layout, swapped)

@@ -24,8 +24,9 @@ INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "s
              "sampleperiod", "timeinterval", "tstep", "timestep", "ts", "xinc", "xincrement",
              "deltax", "tinterval", "tinc", "hresolution", "wfincrement")  # fmt: skip
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr",
-         "outputdatarate", "fps", "framerate", "framespersecond")  # fmt: skip
+         "outputdatarate", "fps", "framerate", "framespersecond", "prf", "pulserate")  # fmt: skip
 STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin", "xorg", "hoffset")
+_FREQUENCIES = ("f", "freq", "freqs", "frequency", "frequencies", "freqvec", "omega")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval",
              "spatialsamplinginterval")  # fmt: skip
 _COUNTS = ("nch", "nchannels", "channels", "numchannels", "numberofchannels", "nx", "nreceivers",
@@ -49,6 +50,9 @@ def bare(name: str) -> str:
 def is_axis(content: Content, name: str, kind: str) -> bool:
     """Whether an array is called as times ("time") or positions are, or says a unit of theirs."""
     usual = TIMES if kind == "time" else POSITIONS
+    dates = name in content.arrays and content.arrays[name].dtype.kind in "mM"
+    if dates:
+        return kind == "time"
     return bare(name) in usual or factor(content.units.get(name), kind) is not None
 
 
@@ -101,6 +105,23 @@ def _array_of_times(content: Content, layout: Layout, shape: tuple[int, ...]) ->
          if is_axis(content, n, "time") and a.shape in ((shape[0],), shape)),
         None,
     )  # fmt: skip
+
+
+def check_spectra(content: Content, layout: Layout, lengths: tuple[int, ...]) -> None:
+    """Refuse spectra: an array of frequencies as long as one of the values' axes, and no times."""
+    ways = (lengths, lengths[::-1])
+    said = [_array_of_times(content, layout, way) for way in ways]
+    if layout.time is None and (any(said) or layout.interval or interval_said(content, layout)):
+        return
+    for name, a in content.arrays.items():
+        along = name == layout.time or (a.ndim == 1 and a.size in lengths)
+        if along and (
+            bare(name) in _FREQUENCIES or factor(content.units.get(name), "frequency") is not None
+        ):
+            raise RecordError(
+                f"{name} {np.shape(a)} holds frequencies: values along it are spectra, and signals "
+                "in time are needed; transform them back, with their phases"
+            )
 
 
 def _array_of_places(content: Content, layout: Layout, count: int) -> str | None:

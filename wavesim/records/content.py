@@ -74,3 +74,8 @@ def check_size(shape: tuple[int, ...], name: str) -> None:
             f"array {name!r} of shape {tuple(int(n) for n in shape)}: more than {LARGEST:,} "
             "samples; cut the record, or take fewer samples a second"
         )
+
+
+def without_single_axes(array: NDArray[Any]) -> NDArray[Any]:
+    """An array of three axes or more without those of one entry, which tell nothing."""
+    return np.squeeze(array) if array.ndim > 2 else array

@@ -64,13 +64,7 @@ def for_waves_along_line(record: Record) -> Record:
     Raises:
         RecordError: frames are missing all the same.
     """
-    record = record.without_gaps()
-    if len(record.missing) and record.missing.any():
-        raise RecordError(
-            f"{record.missing.sum()} frames are missing: a line that waves leave needs them all; "
-            "fill them, or use the part before the first one"
-        )
-    return record
+    return _filled(record.without_gaps())
 
 
 def for_pulse_test(record: Record) -> Record:
@@ -219,7 +213,7 @@ def _filled(record: Record) -> Record:
         elif np.abs(about).max() > max(_QUIET * record.noise, _QUIET_PART * size):
             raise RecordError(
                 f"{stop - start} frames are missing from t = {record.t[start]:.6g} s on, while the "
-                "signal goes on: the exponential window needs them all; fill them, leave out the "
+                "signal goes on: transforms in time need them all; fill them, leave out the "
                 "receivers that lack them, or use the part before"
             )
     finding = Finding(

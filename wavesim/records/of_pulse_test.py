@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -223,3 +223,22 @@ def _beside(receivers: Mapping[str, float], sources: list[tuple[float, float]]) 
     after = {name: x - max(p for p, _ in sources) for name, x in receivers.items() if x > high}
     before = {name: min(p for p, _ in sources) - x for name, x in receivers.items() if x < low}
     return after if len(after) >= len(before) else before
+
+
+def of_lengths(tests: Sequence[Any], single: dict[int, Any]) -> Any:
+    """Tests of specimens of several lengths as one of receivers at these, which needs no delay;
+    None where lengths are alike, or clocks are not."""
+    records, lengths = zip(*single.values(), strict=True)
+    first, t = records[0], tests[0].t
+    alike = all(
+        np.shape(test.t) == np.shape(t)
+        and np.allclose(test.t, t, rtol=0, atol=first.interval / 2)
+        and abs(one.start - first.start) < first.interval
+        for test, one in zip(tests, records, strict=True)
+    )
+    if len(tests) < 2 or len(set(lengths)) < len(tests) or not alike:
+        return None
+    signals = {one.name: next(iter(one.signals.values())) for one in tests}
+    places = dict(zip(signals, lengths, strict=True))
+    note = "one material is taken for all of them, and for α and Q one coupling"
+    return replace(tests[0], name="all lengths", signals=signals, positions=places, notes=(note,))

@@ -173,6 +173,8 @@ _SAID = (
         rf"(?:^|[^A-Za-z])(?:{_PLACE}|@|at|bei)()[\s_]*({NUMBER})\s*{_UNIT}(?![A-Za-z/])",
         re.IGNORECASE,
     ),
+    # ch1 (20 mm)
+    re.compile(rf"[(\[]()\s*({NUMBER})\s*{_UNIT}\s*[)\]]\s*$", re.IGNORECASE),
     # 20 mm and nothing else
     re.compile(rf"^()\s*({NUMBER})\s*{_UNIT}\s*$", re.IGNORECASE),
 )
@@ -182,7 +184,7 @@ def position_in(heading: str) -> Said | None:
     """The position that a heading says, and its unit; None where it says none.
 
     A number is a position only where a name of one stands before it (x = 0.02), or a unit of
-    length behind it (20 mm, ch1 @ 0.02 m): "Channel 1 (V)", "1" and "S-1" say none.
+    length behind it (20 mm, ch1 @ 0.02 m, ch1 (20 mm)): "Channel 1 (V)", "1" and "S-1" say none.
     """
     text = heading.strip().strip('"').replace("−", "-")
     for pattern in _SAID:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from wavesim.material.assignment import assigned
 from wavesim.readings.dispersion.frequency_at_wavenumber import ROUNDING, series
 from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.dispersion.sinusoids import exponentials, transposed
 from wavesim.records.record import Record
 from wavesim.records.relations import Complex, Relation
 from wavesim.records.windows import hann
@@ -30,6 +31,8 @@ Float = NDArray[Any]
 PRESENT = 1e-6
 # A wave is present where its amplitude is this many times its standard error.
 _ABOVE_NOISE = 8.0
+# Series fitted at once.
+_AT_ONCE = 64
 # A point is a wave's within so many bins 2π/T of it, its half-width γ, or so many of its bars.
 _REACH_BINS = 0.5
 _REACH_BARS = 3.0
@@ -126,30 +129,30 @@ def present_waves(record: Record, omega: Any, k_max: float, least: float = PRESE
         k, 8 standard errors, and the rounding of the record's strongest wave: > 1 is present.
     """
     _, channels = series(record, k_max)
-    t = record.t - record.t.mean()
-    since = record.t - record.t[0]
-    kept = ~record.missing if len(record.missing) else np.ones(len(t), bool)
-    window = hann(len(t))[kept]
+    count = len(record.t)
+    kept = np.flatnonzero(~record.missing) if len(record.missing) else np.arange(count)
+    window = hann(count)[kept]
     window /= window.sum()
     sizes, limits = np.zeros(omega.shape), np.zeros(omega.shape)
     waves = omega.shape[1]
-    for i, own in enumerate(omega):
-        phase = np.multiply.outer(t[kept], own.real)
-        fall = np.exp(np.multiply.outer(since[kept], own.imag))
-        basis = np.concatenate([fall * np.cos(phase), fall * np.sin(phase)], axis=1)
-        data = channels[i][:, kept].T
-        inverse = np.linalg.pinv(basis, rcond=1e-10)
-        amplitudes = inverse @ data
-        left = data - basis @ amplitudes
-        noise = np.sqrt(np.mean(left**2, axis=0))
-        size = np.sqrt(np.sum(amplitudes**2, axis=1))
+    for first in range(0, len(omega), _AT_ONCE):
+        at = slice(first, first + _AT_ONCE)
+        own = omega[at] * record.interval
+        z = exponentials(own.real, -own.imag, count, start=0.0)[..., kept]
+        basis = transposed(np.concatenate([z.real, z.imag], axis=1))
+        data = transposed(channels[at][..., kept])
+        # Of B = Q R the inverse is R⁻¹ Qᵀ, as long in each of its rows as R⁻¹.
+        q, r = np.linalg.qr(basis)
+        inverse = np.linalg.pinv(r, rcond=1e-10)
+        amplitudes = inverse @ (transposed(q) @ data)
+        noise = np.mean((data - basis @ amplitudes) ** 2, axis=(1, 2))
         # What has died away early is seen by the less: by no more than a window has of it.
-        size = np.hypot(size[:waves], size[waves:]) * (window @ fall)
-        spread = np.sqrt(np.sum(inverse**2, axis=1))
-        error = np.hypot(spread[:waves], spread[waves:]) * (window @ fall)
-        error *= np.sqrt(np.mean(noise**2) * data.shape[1])
-        sizes[i] = size
-        limits[i] = np.maximum(least * size.max(), _ABOVE_NOISE * error)
+        fall = np.abs(z) @ window
+        size, spread = (np.sqrt(np.sum(each**2, axis=2)) for each in (amplitudes, inverse))
+        sizes[at] = np.hypot(size[:, :waves], size[:, waves:]) * fall
+        error = np.hypot(spread[:, :waves], spread[:, waves:]) * fall
+        error *= np.sqrt(noise * data.shape[2])[:, None]
+        limits[at] = np.maximum(least * sizes[at].max(axis=1, keepdims=True), _ABOVE_NOISE * error)
     return np.asarray(sizes / np.maximum(limits, max(ROUNDING * sizes.max(), 1e-290)))
 
 

@@ -28,7 +28,7 @@ from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, invert
 from wavesim.readings.dispersion.hidden_mode import CLOSE, worth
 from wavesim.readings.dispersion.noise_level import leaked
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
-from wavesim.readings.dispersion.sinusoid_errors import Sinusoids
+from wavesim.readings.dispersion.sinusoid_errors import Sinusoids, of_moving_lines
 from wavesim.readings.dispersion.unread_receivers import put_in
 from wavesim.readings.dispersion.waves_along_line import along_line, numbered
 from wavesim.records.fitness import evened, live
@@ -57,6 +57,10 @@ _RANDOM = 0.2
 CROWDED = (
     "too many waves near this frequency to tell from other receivers what bad ones lack: put those "
     "right"
+)
+MOVES = (
+    "its frequency moves while it is recorded, as of a specimen that warms, softens or is driven "
+    "beyond its linear range: take a shorter part of the record"
 )
 MORE = "more waves than sought at this k"
 LEAKED = (
@@ -167,6 +171,7 @@ def in_time(
             _check_ends(quiet)
         found, (leaks, lines), per_bin = inverted(channels, quiet)
         points, bends = _from_sinusoids(found, k), found.bends
+        points = points.refused(of_moving_lines(found, cell), MOVES)
         if len(leaks):
             at = np.clip(np.round(points.omega * quiet.interval / per_bin), 0, len(leaks) - 1)
             at = at.astype(int)

@@ -136,18 +136,20 @@ def leaked(
     ascending = omega[order]
     result, flat, faint = np.zeros((3, len(omega)), bool)
     groups, crowds, by_chance = 0, 0, 0.0
+    away = _ABOUT * _WIDEST * cell
+    starts, ends = (np.searchsorted(ascending, omega + side) for side in (-away, away))
+    half = len(np.unique(step)) / 2
     for j in np.argsort(-amplitude):
-        away = _ABOUT * _WIDEST * cell
-        around = order[slice(*np.searchsorted(ascending, [omega[j] - away, omega[j] + away]))]
+        around = order[starts[j] : ends[j]]
         off = np.abs(omega[around] - omega[j])
         unsure = _SAME * cell + _ERRORS * (error[around] + error[j])
         width = np.minimum(unsure, _WIDEST * cell)
         near = around[off < width]
-        many = len(np.unique(step[near])) > len(np.unique(step)) / 2
         # … of which none is the others' own.
         if (
-            many
+            len(near) > half
             and not (result[j] or flat[j])
+            and len(np.unique(step[near])) > half
             and (amplitude[near] > _LIKE * amplitude[j]).sum() > 1
         ):
             flat[near] = True

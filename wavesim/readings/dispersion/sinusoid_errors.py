@@ -16,6 +16,8 @@ _NEAR = (2.0, 12.0)
 _CLOSEST_BINS = 0.05
 # Noise goes with the signal where it is heard more by so many deviations of that ratio.
 _BY_SCATTER = 4.0
+# A wave grows where its decay is below nought by so many standard errors.
+_SURELY_GROWS = 3.0
 # Phase error over the record, rad, that the sums of a simulated field leave on its strongest wave.
 _ROUNDING = 1e-11
 
@@ -76,6 +78,27 @@ class Sinusoids:
     residual: Float
     settled: np.ndarray
     broad: np.ndarray
+
+
+def of_moving_lines(found: Sinusoids, cell: float) -> np.ndarray:
+    """Which sinusoids, (m,), are two for one line whose frequency moves while it is recorded.
+
+    e^{−iωt − iβt²/2} is, to first order in β, a sum of two within a bin of each other, of which
+    one grows as the other falls. Where no source acts no wave grows; what a gain in time does, it
+    does to all alike.
+
+    Args:
+        found: with frequencies and decays in rad/s and 1/s.
+        cell: a bin, 2π/T, rad/s.
+    """
+    beside = np.zeros(len(found.omega), bool)
+    sure = found.decay / np.maximum(found.decay_error, 1e-290)
+    for j in np.flatnonzero(sure < -_SURELY_GROWS):
+        pair = (found.series == found.series[j]) & (sure > _SURELY_GROWS)
+        pair &= np.abs(found.omega - found.omega[j]) < cell
+        beside |= pair
+        beside[j] |= pair.any()
+    return beside
 
 
 def norm_of(amplitude: np.ndarray, settings: Settings) -> Float:

@@ -61,11 +61,18 @@ class Fit:
     unit_amplitude: Float
 
 
-def exponentials(omega: Float, decay: Float, count: int) -> Complex:
-    """z at samples −(N−1)/2 … (N−1)/2, shape (n, p, N), by products of coarse and fine powers."""
+def exponentials(omega: Float, decay: Float, count: int, start: float | None = None) -> Complex:
+    """z at N samples, shape (n, p, N), by products of coarse and fine powers.
+
+    Args:
+        omega, decay: ω and γ, shape (n, p), per sample.
+        count: N.
+        start: the first sample's time, in samples; None: −(N−1)/2.
+    """
     s = -(decay + 1j * omega)
     blocks = -(-count // _FINE)
-    coarse = np.exp(s[..., None] * (np.arange(blocks) * _FINE - (count - 1) / 2))
+    begin = -(count - 1) / 2 if start is None else start
+    coarse = np.exp(s[..., None] * (np.arange(blocks) * _FINE + begin))
     fine = np.exp(s[..., None] * np.arange(_FINE))
     product = coarse[..., :, None] * fine[..., None, :]
     return np.asarray(product.reshape(*s.shape, blocks * _FINE)[..., :count])

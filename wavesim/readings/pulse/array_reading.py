@@ -17,7 +17,7 @@ from wavesim.readings.pulse.array_crosstalk import without_crosstalk, without_wh
 from wavesim.readings.pulse.echo_gate import common_period, echo_gate
 from wavesim.readings.pulse.first_break import onset
 from wavesim.readings.pulse.measurement import PulseResult, measured
-from wavesim.readings.pulse.quality_over_band import all_alike
+from wavesim.readings.pulse.quality_over_band import all_alike, left_to_gains
 from wavesim.readings.pulse.reading import Best, Reading, ReceiverArrivals, judged
 from wavesim.readings.pulse.several_waves import Passing, of_one_wave, unexplained, waves_passing
 from wavesim.readings.pulse.signals import PulseError, PulseRecord, pulse_record
@@ -152,6 +152,11 @@ def read_array(
     elif noise != 0 and (levelled := _alike(result)):
         result = replace(result, dispersion=result.dispersion.without_loss(levelled))
         notes.insert(0, levelled)
+    elif noise != 0:
+        found = result.dispersion
+        ratio, c = result.constant_quality, found.with_errors.phase_velocity
+        open_ = left_to_gains(result.quality, ratio, found.omega, c)
+        result = replace(result, dispersion=found.with_alike(open_))
     best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)
     if waves:
         best = _of_several(best, result, waves, expected)
@@ -291,13 +296,13 @@ def _dispersion(result: PulseResult) -> list[str]:
     """Whether phase and group velocity are apart."""
     found = result.dispersion
     with np.errstate(invalid="ignore"):
-        own = found.valid & np.isfinite(found.group_velocity)
+        own = found.valid & np.isfinite(found.group_velocity + found.phase_velocity)
     if own.sum() < 3:
         return []
     strongest = int(np.argmax(np.where(own, result.spectra.source, -1.0)))
     c, v = found.phase_velocity[strongest], found.group_velocity[strongest]
     error = math.hypot(found.phase_error[strongest], found.group_error[strongest])
-    if abs(c - v) < max(_DISPERSES * c, 3 * error):
+    if abs(c - v) < max(_DISPERSES * abs(c), 3 * error):
         return []
     omega = float(found.omega[strongest])
     per, unit = in_frequency(omega)

@@ -35,9 +35,10 @@ _OF_A_STEP = 0.25
 _DELAY = 0.14
 # They ring where the envelope of what is heard takes so many periods more from half of its top to
 # this part of it than that of what was sent, by the first of them if it takes that many more to
-# fall to half, too; their first cycles are unheard for about a constant and a part of that.
+# fall to half, too. Their first cycles are unheard for such a part of that; and, where what comes
+# ahead in a period has so much of the top and covers more of them, for about a constant besides.
 _RINGS, _RINGS_ON, _NEAR_TOP = (0.15, 0.3), 0.45, 0.9
-_NOT_HEARD = (0.35, 0.6)
+_UNHEARD, _LOUD, _NOT_HEARD = 0.4, 0.1, (0.35, 0.6)
 # A wave that breaks within this part of a period after the crosstalk is hidden by it, and within
 # that where it had not ended, or was strong and longer than so many periods: a wave that began in
 # it is still there; of a sweep this part of its length has its first cycle, the longest.
@@ -113,7 +114,7 @@ def left_open(
     delay = delays.get(OPEN, 0.0) if delays else _DELAY * record.period
     others = [
         (float(np.nan_to_num(at.second)), SECOND.format(at.second)),
-        (0.0 if delays or own is None else ringing(record, own, heard), RINGING),
+        (0.0 if delays or own is None else ringing(record, own, heard, at.begins), RINGING),
         (begun_earlier(record, own, heard, at.begins), EARLIER),
         (slow_rise(record), slow),
     ]
@@ -154,7 +155,8 @@ def in_crosstalk(record: TransmissionRecord, begins: float) -> bool:
 def comes_again(record: TransmissionRecord, begins: float) -> bool:
     """Whether what breaks at a time after the start has the form of strong crosstalk, as what each
     edge of a square sends has; known to be none where what was sent is."""
-    if record.sent is not None or record.crosstalk < STRONG:
+    known = record.sent is not None or bool(np.any(record.crosstalk_taken))
+    if known or record.crosstalk < STRONG:
         return False
     dt = record.interval
     whole = band_about(record.raw, dt, record.period)
@@ -196,12 +198,22 @@ def open_between(found: Mapping[str, TravelTime], time: float, period: float) ->
     return apart if len(known) > 2 else math.hypot(apart, period / 8)
 
 
-def ringing(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> float:
-    """What transducers leave open that ring on after one of the packets heard, as one standard
-    error, s: they take as long to be heard as they rise more slowly than what was sent."""
+def ringing(
+    record: TransmissionRecord, own: Packet, heard: Sequence[Packet], begins: float
+) -> float:
+    """What transducers leave open that ring on after one of the packets heard, which breaks at a
+    time after the start, as one standard error, s: they take as long to be heard as they rise more
+    slowly than what was sent, and longer where something ahead is as loud."""
     rise, fall = slower(record, own, heard)
-    rings = rise > _RINGS[0 if fall > _RINGS_ON else 1]
-    return (_NOT_HEARD[0] + _NOT_HEARD[1] * rise) * record.period if rings else 0.0
+    if not rise > _RINGS[0 if fall > _RINGS_ON else 1]:
+        return 0.0
+    after, size = record.t - record.start, envelope(record.got)
+    since = max(begins - record.period, record.blank - record.start)
+    ahead = size[(after >= since) & (after < begins)]
+    top = float(size[int(np.searchsorted(after, own.top).clip(max=len(size) - 1))])
+    quiet = len(ahead) and float(np.sqrt(np.mean(ahead**2))) < _LOUD * top
+    part = _UNHEARD * rise if quiet else _NOT_HEARD[0] + _NOT_HEARD[1] * rise
+    return part * record.period
 
 
 def slower(record: TransmissionRecord, own: Packet, heard: Sequence[Packet]) -> tuple[float, float]:

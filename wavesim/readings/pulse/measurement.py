@@ -73,7 +73,7 @@ class PulseResult:
         found = self.dispersion.with_errors
         of_band = mean_quality(
             found.omega, found.k, found.k_error, found.group_velocity, found.group_error,
-            self.spectra.duration,
+            self.spectra.duration, found.alike,
         )  # fmt: skip
         if found.valid.any():
             return replace(of_band, reason=found.no_loss) if found.no_loss else of_band

@@ -235,7 +235,7 @@ def _crosstalk(record: TransmissionRecord) -> list[str]:
     known = bool(np.any(record.crosstalk_taken))
     return [
         f"crosstalk up to {record.blank - record.start:.3g} s after what was sent begins was left "
-        "out" + (", and what follows from what was sent taken out of the rest" if known else "")
+        "out" + (", and what is known of it taken out of the rest" if known else "")
     ]
 
 

@@ -9,7 +9,7 @@ what the nearer ones foretell. At the nearest neighbours the multiple is, in thi
    which a velocity foreseen by the caller at one frequency is met best, for the stretch it lies in;
 3. without either, for the lowest stretch alone: the multiple by which the phase, continued as a
    line through its lowest part, comes nearest to 0 at ω = 0, which an acoustic branch does. It
-   must come within a quarter turn.
+   must come within a quarter turn, and the phase may not bend so that another may be right.
 
 Other stretches stay open, with the reason. Frequencies closer than 1/T are needed for 2 and 3, and
 a refined spectrum is taken for them. A further receiver is left out at a frequency where five
@@ -39,6 +39,9 @@ _LARGEST_STEP = 1.0
 # The line to ω = 0 goes through the stretch's part below this many times its lowest frequency.
 _LOWEST_PART = 3.0
 _QUARTER_TURN = 0.25
+# Of √ω a parabola shows a third of what a line is off by at ω = 0, where half a turn is too much;
+# below so many turns at the lowest frequency it can't be.
+_BENT, _BELOW, _SMOOTH = 1 / 6, 0.4, 4
 # A stretch shorter than this is chance.
 _FEWEST = 8
 
@@ -166,9 +169,28 @@ def _unwrapped(
             weight = 1 / np.maximum(variance[run], 1e-6)
             at_zero = float(weighted_line(omega[low], psi[low], weight[low])[1]) / (2 * np.pi)
             intercept = at_zero - round(at_zero)
-            if abs(intercept) <= _QUARTER_TURN:
+            if abs(intercept) <= _QUARTER_TURN and not _bends(omega[low], psi[low], weight[low]):
                 result[run] = psi - 2 * np.pi * round(at_zero)
     return result, inside, intercept
+
+
+def _bends(omega: Float, psi: Float, weight: Float) -> bool:
+    """Whether a phase bends so that its line to ω = 0 may be off by half a turn, surely: a
+    parabola through it ends elsewhere. As of flexural waves, k ∝ √ω, whose line ends at kd/2."""
+    s = omega / omega[-1]
+    if (psi[-1] - psi[0]) / (s[-1] - s[0]) * s[0] < 2 * np.pi * _BELOW:
+        return False  # √ω is off by as much at 0 as the line turns up to the lowest frequency
+    basis = np.stack([np.ones(len(s)), s, s**2], axis=1)
+    normal = basis.T @ (weight[:, None] * basis)
+    through = np.linalg.lstsq(normal, basis.T @ (weight * psi))[0]
+    # Noise is what a smoother curve leaves, and neighbours in frequency share it.
+    left = psi - np.polynomial.Polynomial.fit(s, psi, _SMOOTH, w=np.sqrt(weight))(s)
+    noise = max(1.0, float(np.mean(weight * left**2))) / FINE
+    error = np.sqrt(np.linalg.pinv(normal)[2, 2] * noise)
+    # What s² ≈ a + bs, by the same weights, leaves at 0.
+    a = np.linalg.lstsq(normal[:2, :2], basis[:, :2].T @ (weight * s**2))[0][0]
+    bend, unsure = (abs(float(a * one)) / (2 * np.pi) for one in (through[2], error))
+    return bend > max(_BENT, _SURE * unsure)
 
 
 def _stretches(used: NDArray[np.bool_], rough: NDArray[np.bool_]) -> list[slice]:

@@ -29,6 +29,7 @@ Float = NDArray[Any]
 
 _FEWEST_FREQUENCIES = 3
 UNSEEN = "no loss is seen: Q above {:.3g}"
+NOT_KNOWN = "whether the velocity is constant over the band is not known"
 CHANGES = "Q changes with frequency, from {:.3g} to {:.3g} over the band, and no mean: take α(ω)"
 ALIKE = (
     "the last receiver has {:.2g} of the first one's amplitude at all frequencies alike, beside "
@@ -123,7 +124,13 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Qua
 
 
 def mean_quality(
-    omega: Float, k: Any, k_error: Float, group: Float, group_error: Float, duration: float
+    omega: Float,
+    k: Any,
+    k_error: Float,
+    group: Float,
+    group_error: Float,
+    duration: float,
+    alike: float = 0.0,
 ) -> Quality:
     """Q over a band from the wavenumber and the group velocity.
 
@@ -132,6 +139,7 @@ def mean_quality(
         k, k_error: complex, and the error of each part, shape (n,), rad/m; NaN where unknown.
         group, group_error: v_g, shape (n,), m/s.
         duration: of the window, s: frequencies closer than it resolves share their noise.
+        alike: what is open of α at all frequencies alike, Np/m.
 
     Returns:
         The quality.
@@ -166,7 +174,8 @@ def mean_quality(
     few = 2 * math.sqrt(2 * shared / count)
     common = max(0.0, 1 - excess - few) * count / float(weight.sum())
     bar = float(np.sqrt(max(shared / weight.sum(), (excess > 1) * excess * shared / spread)))
-    bar = math.sqrt(bar**2 + unsaid**2 + common)
+    gains = 2 * alike * float(np.median(group[own] / omega[own]))
+    bar = math.sqrt(bar**2 + unsaid**2 + common + gains**2)
     least = 1 / max(max(mean, 0.0) + 2 * bar, 1e-300)
     seen, at_each = mean > 2 * bar, inverse[inverse > 2 * error]
     why = "" if seen else UNSEEN.format(least)
@@ -205,9 +214,7 @@ def all_alike(
     own = np.isfinite(loss) & (error > 0)
     if own.sum() <= _FEWEST_FREQUENCIES:
         return ""
-    # At the band's ends noise makes c what it is not.
-    low, middle, high = np.percentile(c[own], (10, 50, 90))
-    if high - low > _CONSTANT * middle:
+    if not _constant(c[own]):
         return ""
     w, alpha, weight = omega[own], loss[own], 1 / error[own]
     shared = max(1.0, 2 * np.pi / duration / float(np.median(np.diff(w))))
@@ -238,6 +245,33 @@ def all_alike(
     return ALIKE.format(math.exp(-constant * span))
 
 
+def left_to_gains(quality: Quality, ratio: Quality, omega: Float, c: Float) -> float:
+    """What the spectral ratio, which no gain or spreading touches, leaves open of α, Np/m.
+
+    Gains put α off at all frequencies alike, and of few receivers nothing else is left over that
+    would tell it: 1/Q of α and that of the ratio, less by 1/πQ² as losses change velocities, are
+    then apart, by 2α₀c/ω. 0 where velocities change more, and the ratio tells nothing.
+
+    Args:
+        quality, ratio, omega, c: as for :func:`all_alike`.
+    """
+    changes = ratio.reason and not ratio.reason.startswith((UNSEEN.split("{")[0], NOT_KNOWN))
+    known = np.isfinite(c)
+    if changes or not known.any() or not _constant(c[known]):
+        return 0.0
+    by_ratio = ratio.inverse + ratio.inverse**2 / math.pi
+    apart = abs(quality.inverse - by_ratio)
+    seen = apart > ratio.inverse_error
+    return apart * float(np.median(omega[known] / c[known])) / 2 if seen else 0.0
+
+
+def _constant(c: Float) -> bool:
+    """Whether a velocity is constant, as the spectral ratio takes it; at the band's ends noise
+    makes it what it is not."""
+    low, middle, high = np.percentile(c, (10, 50, 90))
+    return bool(high - low <= _CONSTANT * middle)
+
+
 def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error: Float) -> Quality:
     """The spectral ratio's Q with what a velocity that is not constant does to it.
 
@@ -253,7 +287,7 @@ def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error
     with np.errstate(invalid="ignore"):
         own = np.isfinite(group) & (group > 0) & (group_error < 0.1 * group)
     if own.sum() < _FEWEST_FREQUENCIES:
-        return replace(ratio, reason="whether the velocity is constant over the band is not known")
+        return replace(ratio, reason=NOT_KNOWN)
     v, f = group[own], omega[own] / (2 * np.pi)
     slope = float(np.polyfit(f, 1 / v, 1, w=v**2 / group_error[own])[0])
     apart = abs(slope) * float(f.mean()) * float(np.mean(v))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.sent_signal import sent_period
-from wavesim.readings.pulse.transmission_record import TransmissionRecord
+from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
 from wavesim.readings.pulse.wave_packets import Packet
 
@@ -146,6 +146,14 @@ def follow(
         other += _ALONE * np.nan_to_num(np.exp(-((off / _NEAR / records[index].period) ** 2) / 2))
         log_time[index] = log_time[near[0]] + lags[int(np.argmax(total + other))]
     return _voted(signals, order, reference, np.exp(log_time))
+
+
+def in_noise(record: TransmissionRecord, begins: float) -> bool:
+    """Whether the packet that breaks at a time after the start is no louder than noise may be."""
+    after = record.t - record.start - begins
+    packet = (after > _PACKET[0] * record.period) & (after < _PACKET[1] * record.period)
+    loudest = float(envelope(record.got)[packet].max(initial=0.0))
+    return loudest < HEARD * record.noise_in_band
 
 
 class _Signal:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.pulse.common_crosstalk import without_common
 from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
-from wavesim.readings.pulse.one_receiver import arrived, run_into, settled, unheard
-from wavesim.readings.pulse.power_law import Line, PowerLaw, lines, power_law
+from wavesim.readings.pulse.one_receiver import NOTHING, arrived, run_into, settled, unheard
+from wavesim.readings.pulse.power_law import FEWEST, Line, PowerLaw, lines, power_law
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
@@ -18,6 +19,7 @@ from wavesim.readings.pulse.series import (
     Followed,
     clearest,
     follow,
+    in_noise,
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
@@ -54,8 +56,11 @@ UNLIKE_MOST = (
     "most records of the series show no wave of this one's, or it lies within their crosstalk: "
     "shield and ground both sides, or look whether they are of one set-up"
 )
-# A wave that this part of a series or more does not show is none.
-_MOST_LOST = 0.6
+# A wave moves through a series by so many periods at least, where crosstalk does not.
+_MOVES = 1.5
+# A wave that this part of a series or more does not show is none, unless the others are in order;
+# what does not stand out of noise is a wave where it correlates so well with its neighbours.
+_MOST_LOST, _SURELY_ALIKE = 0.6, 0.8
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,25 @@ def read_series(
         )
     check_distance(distance)
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
+    cleared = without_common(records)
+    if cleared is not None:
+        answer = _read(cleared, L, delays, parameter, p, wanted)
+        times = np.array([one.best.time for one in answer[0] if one.best.valid])
+        if len(times) > 1 and np.ptp(times) > _MOVES * np.median([one.period for one in cleared]):
+            return answer
+    return _read(records, L, delays, parameter, p, wanted)
+
+
+def _read(
+    records: Sequence[TransmissionRecord],
+    L: Float,
+    delays: Mapping[str, float],
+    parameter: str,
+    p: Float,
+    wanted: Wanted,
+) -> tuple[list[Reading], Series]:
+    """The same of records whose crosstalk is known as well as it can be."""
+    count = len(records)
     heard = [[] if one.covered else packets(one) for one in records]
     delay = delays.get(OF_ONE, 0.0)
     largest = [max(own, key=lambda q: q.size).top for own in heard if own]
@@ -126,7 +150,7 @@ def read_series(
     arrival = float(begun[reference])
     found = follow(records, order, reference, arrival, delay, on_line, begun, bool(waves))
     rivals = _rivals(records, heard, waves, found, delay, wanted)
-    each = _followed(records, found, begun, delays)
+    each = _followed(records, found, begun, delays, order)
     parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
     period = np.array([one.period for one in records])
     # What a set-up leaves open it leaves open in most of its records, as many periods of each.
@@ -256,6 +280,7 @@ def _followed(
     found: Followed,
     begun: Float,
     delays: Mapping[str, float],
+    order: Sequence[int],
 ) -> list[Arrived]:
     """Followed arrivals, which jump no cycle, with what the records' own first breaks are off, and
     their own packets (begun, less the delay, s), where these are about a cycle from them."""
@@ -271,14 +296,28 @@ def _followed(
     share = _open_in_periods(alone, time, period)
     unlike = ~(found.correlation >= LEAST_CORRELATION) & (len(alone) > 1)
     hidden = [in_crosstalk(one, t + delay) for one, t in zip(records, time, strict=True)]
-    none = UNLIKE_MOST * bool(np.mean(unlike | hidden) > _MOST_LOST)
+    alike = found.correlation >= _SURELY_ALIKE
+    noise_alone = ~alike & [in_noise(one, t + delay) for one, t in zip(records, time, strict=True)]
+    lost = (unlike | hidden) & ~noise_alone
+    moves = _in_order(time[order][~(lost | noise_alone)[order]], float(np.median(period)))
+    share_lost = float(np.sum(lost)) / max(1, int(np.sum(~noise_alone)))
+    none = UNLIKE_MOST * (share_lost > _MOST_LOST and not moves)
     return [
         Arrived(
             FOLLOWED, time[i] + delay, noise[i], share * period[i], one.second, one.times,
-            UNLIKE if unlike[i] else none,
+            NOTHING if noise_alone[i] else UNLIKE if unlike[i] else none,
         )
         for i, one in enumerate(alone)
     ]  # fmt: skip
+
+
+def _in_order(time: Float, period: float) -> bool:
+    """Whether times of records in their order are those of a wave that moves, as crosstalk and
+    chance do not."""
+    steps = np.diff(time)
+    return len(time) >= FEWEST and bool(
+        (np.all(steps < 0) or np.all(steps > 0)) and np.ptp(time) > _MOVES * period
+    )
 
 
 def _open_in_periods(alone: Sequence[Arrived], time: Float, period: Float) -> float:

@@ -79,6 +79,7 @@ class Dispersion:
         intercept: of the phase at ω = 0, turns; see ``phase_unwrapping.py``.
         reason: why there is no k, n of them; "" where there is one.
         no_loss: why amplitudes tell no loss, so that k is its real part alone; "" where they do.
+        alike: what gains leave open of α at all frequencies alike, Np/m; the errors hold it.
     """
 
     omega: Float
@@ -100,6 +101,7 @@ class Dispersion:
     intercept: float
     reason: tuple[str, ...]
     no_loss: str = ""
+    alike: float = 0.0
 
     def refused(self, reason: str, where: Any = True) -> Dispersion:
         """The same frequencies with nothing at those of a mask, or at any, for one reason."""
@@ -118,6 +120,20 @@ class Dispersion:
         none: dict[str, Any] = dict.fromkeys((*names, "modulus_quality"), 0 * self.omega + np.nan)
         none |= {"k": self.k.real + 1j * np.nan, "damped": self.damped.real + 1j * np.nan}
         return replace(self, **none, no_loss=why)
+
+    def with_alike(self, alike: float) -> Dispersion:
+        """The same with errors of α and Q that hold a part of α that all frequencies have, Np/m."""
+        error = np.hypot(self.attenuation_error, alike)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            of_quality = np.hypot(self.quality_error, self.quality * alike / self.attenuation)
+            most = np.maximum(self.attenuation, 0.0) + SEEN * self.attenuation_error
+            at_least = (
+                self.quality_at_least * most / (most + SEEN * (error - self.attenuation_error))
+            )
+        return replace(
+            self, attenuation_error=error, quality_error=of_quality, quality_at_least=at_least,
+            alike=alike,
+        )  # fmt: skip
 
     @property
     def with_errors(self) -> Dispersion:

@@ -21,6 +21,8 @@ _LINE = 5.0
 # So many channels tell what all have alike, and differ by at most this part of it.
 _ENOUGH, _ALIKE = 0.4, 0.05
 _MAINS = (50.0, 60.0)
+# Saturated cores make odd multiples, rectifiers twice the frequency.
+_HARMONICS = (1, 2, 3, 5, 7)
 # Fewer periods than this of the mains are a drift.
 _PERIODS = 1.5
 _HUM = 5.0
@@ -28,6 +30,8 @@ _HUM = 5.0
 _LEFT = 0.95
 # Parts of the record that may lie before its signal, and what of their power may be no hum.
 _BEGINNINGS, _ALONE = (0.5, 0.25, 0.12, 0.06), 0.2
+# An end from this part of the record on that leaves so many times the power is as quiet.
+_END, _AS_QUIET = 0.75, 1.5
 # A rest shorter than this many times the fewest samples, off by this part of the peak, is doubted.
 _SHORT, _STEP = 4, 0.05
 
@@ -239,6 +243,11 @@ def without_early_hum(
             left = v[own] - wave[own]
             alone = np.abs(left - left.mean()).max() <= 7 * np.std(left)
             if alone and power < _ALONE * np.var(v[own]):
+                # An end that is as quiet tells the frequency finer.
+                both = own | (np.isfinite(v) & (np.arange(len(v)) >= _END * len(v)))
+                longer = _mains(v, t, both)
+                if longer is not None and longer[0] < _AS_QUIET * power:
+                    _, amplitude, wave = longer
                 v -= wave
                 which.append(j)
                 most = max(most, amplitude)
@@ -271,7 +280,7 @@ def _hum(v: Float, t: Float, mask: Mask, peak: float) -> Float | None:
 
 
 def _humming(v: Float, interval: float, share: float) -> bool:
-    """Whether so much of a stretch's power lies about a mains' frequency and its triple."""
+    """Whether so much of a stretch's power lies about a mains' frequency and its multiples."""
     span = len(v) * interval
     if span * _MAINS[0] < _PERIODS or len(v) < 4 * FEWEST:
         return False
@@ -280,7 +289,7 @@ def _humming(v: Float, interval: float, share: float) -> bool:
     f = np.arange(len(power)) / span
     near = np.zeros(len(power), bool)
     for mains in _MAINS:
-        for line in (mains, 3 * mains):
+        for line in (n * mains for n in _HARMONICS):
             near |= np.abs(f - line) <= 0.01 * line + 2 / span
     whole = float(power[1:].sum())
     return whole > 0 and float(power[near].sum()) > share * whole
@@ -290,6 +299,7 @@ def _mains(v: Float, t: Float, own: Mask) -> tuple[float, float, Float] | None:
     """Power left, amplitude and course of the best sinusoid near a mains' frequency."""
     covered = float(np.ptp(t[own])) if own.any() else 0.0
     # A frequency so low is found by some samples a period; what it is there by all.
+    most = 0.5 / float(t[1] - t[0])
     every = max(1, int(5e-4 / float(t[1] - t[0])), int(own.sum()) // 20_000)
     at = np.flatnonzero(own)[::every]
     part, times = v[at], t[at] - t[0]
@@ -300,14 +310,15 @@ def _mains(v: Float, t: Float, own: Mask) -> tuple[float, float, Float] | None:
         # Fine enough that the residual is a parabola between three of them.
         count = 2 * int(np.ceil(0.01 * mains * covered * 8)) + 3
         tried = mains * (1 + np.linspace(-0.01, 0.01, count))
-        left = np.array([_fitted(part, times, f)[0] for f in tried])
+        left = np.array([_fitted(part, times, f, most)[0] for f in tried])
         grain = tried[1] - tried[0]
         f = _vertex(tried, left)
         tried = f + grain / 4 * np.arange(-1, 2)
-        f = _vertex(tried, np.array([_fitted(v[own], t[own] - t[0], g)[0] for g in tried]))
-        power, found = _fitted(v[own], t[own] - t[0], f)
+        all_of_it = v[own], t[own] - t[0]
+        f = _vertex(tried, np.array([_fitted(*all_of_it, g, most)[0] for g in tried]))
+        power, found = _fitted(*all_of_it, f, most)
         if best is None or power < best[0]:
-            wave = _tones(t - t[0], f)[:, 1:] @ found[1:]
+            wave = _tones(t - t[0], f, most)[:, 1:] @ found[1:]
             best = power, float(np.hypot(found[1], found[2])), wave
     return best
 
@@ -320,15 +331,15 @@ def _vertex(f: Float, left: Float) -> float:
     return float(f[i] + np.clip(shift, -1, 1) * (f[1] - f[0]))
 
 
-def _fitted(part: Float, times: Float, f: float) -> tuple[float, Float]:
-    """Power left by a level and sinusoids of f and 3f, and their amplitudes."""
-    basis = _tones(times, f)
-    # Sampled at 4f the two are one.
+def _fitted(part: Float, times: Float, f: float, most: float) -> tuple[float, Float]:
+    """Power left by a level and sinusoids of multiples of f below most, and their amplitudes."""
+    basis = _tones(times, f, most)
     found = np.linalg.lstsq(basis.T @ basis, basis.T @ part)[0]
     return float(np.mean((part - basis @ found) ** 2)), found
 
 
-def _tones(times: Float, f: float) -> Float:
+def _tones(times: Float, f: float, most: float) -> Float:
     angle = 2 * np.pi * f * times
-    return np.stack([np.ones(len(times)), np.cos(angle), np.sin(angle), np.cos(3 * angle),
-                     np.sin(3 * angle)], axis=1)  # fmt: skip
+    tones = (wave(n * angle) for n in _HARMONICS if n * f < most
+             for wave in (np.cos, np.sin))  # fmt: skip
+    return np.stack([np.ones(len(times)), *tones], axis=1)

@@ -37,6 +37,9 @@ _BELOW, _LOBE, _DIPS, _ALL_OF, _AT_REST, _FOLDED = 0.02, 0.1, 2, 4, 0.25, 2.5
 # Compressed samples hold less noise above this part of the peak than below that, by this factor, at
 # so many receivers.
 _CREST, _STILL, _LESS, _SEVERAL = 0.5, 0.1, 0.35, 3
+# A magnitude's noise at rest, mean over standard deviation, to this part; blocks are at rest up to
+# so many times the least mean, of records of so many samples, so many blocks of each.
+_RAYLEIGH, _CLOSE, _LEVEL, _RESTING, _PARTS = 1.913, 0.06, 1.3, 256, 16
 NORMALISED = "normalised"
 
 
@@ -164,7 +167,7 @@ def without_stuck(
 
 
 def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Finding]) -> None:
-    """Refuse signals that are rectified, and tell of channels levelled, each by its own.
+    """Refuse magnitudes and rectified signals, and tell of channels levelled, each by its own.
 
     Args:
         values: shape (C, nt, nx), NaN where a sample is missing, with noise.
@@ -172,6 +175,12 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
         found: findings, added to.
     """
     for v in values:
+        if _of_magnitudes(v):
+            raise RecordError(
+                "values are magnitudes (envelopes, moduli of complex samples): at rest their noise "
+                "is Rayleigh's, that of √(a² + b²), and frequencies in them are of packets, not of "
+                "waves; give the signals as they were"
+            )
         size = np.nanmax(np.abs(v), axis=0)
         dips = []
         for lobes in (np.abs(v) > _LOBE * size).T:
@@ -206,6 +215,20 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
         if alike or gain:
             said += ", so that amplitudes along them tell nothing"
             found.append(Finding(NORMALISED, "all receivers", alike or gain, TOLD, said))
+
+
+def _of_magnitudes(v: Float) -> bool:
+    """Whether channels, (nt, nx), never fall below zero and are Rayleigh's at rest: of mean √(π/2)
+    and standard deviation √(2 − π/2) times that of either part."""
+    blocks = np.array_split(v, _PARTS)
+    mean = np.array([block.mean(axis=0) for block in blocks])
+    if len(v) < _RESTING or not np.nanmin(v) >= 0 or not (mean > 0).all():
+        return False
+    ratios = []
+    for j, still in enumerate((mean <= _LEVEL * mean.min(axis=0)).T):
+        rest = np.concatenate([b[:, j] for b, own in zip(blocks, still, strict=True) if own])
+        ratios.append(float(rest.mean()) / max(float(rest.std()), 1e-300))
+    return abs(float(np.median(ratios)) / _RAYLEIGH - 1) < _CLOSE
 
 
 def _compressed(v: Float) -> bool:

@@ -16,6 +16,7 @@ from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.frame_times import check_clock, check_goes_on, once_each
+from wavesim.records.faults.interleaved import one_converter
 from wavesim.records.faults.moveout import (
     arrivals,
     begun,
@@ -57,6 +58,7 @@ def samples(
         where = places(x, flat, labels)
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
                              f"flat tops at {where}"))  # fmt: skip
+    values = one_converter(values, x, labels, found)
     if _noisy(values):
         tell_processed(values, flat, quantum, found)
     values = without_stuck(values, t, x, labels, quantum, found)

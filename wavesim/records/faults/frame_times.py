@@ -148,7 +148,10 @@ def check_clock(u: Float) -> None:
         np.sum(slope**2 * scipy.ndimage.uniform_filter1d(off**2, _ABOUT, axis=0), axis=1) / steep
     )
     receivers = steep**2 / np.maximum(np.sum(slope**4, axis=1), 1e-300)
-    moves = steep > np.median(steep)
+    # What one receiver shows alone, as a burst of its own noise, is no clock's.
+    moves = (steep > np.median(steep)) & (receivers >= _MOVING)
+    if not moves.any():
+        return
     so_far = np.cumsum(steep * moves)
     part = np.minimum(_STRETCHES * so_far / so_far[-1], _STRETCHES - 1).astype(int)
     excess, all_of_it = (

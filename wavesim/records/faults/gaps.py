@@ -73,7 +73,7 @@ def whole_frames(values: Float, t: Float, found: list[Finding]) -> tuple[Float, 
 def bridged(
     values: Float, t: Float, x: Float, labels: tuple[str, ...], quiet: Mask, found: list[Finding]
 ) -> tuple[Float, Mask, Mask]:
-    """Short breaks at single receivers filled by a spline, and long ones where all is quiet.
+    """Short breaks at single receivers filled by a spline, and any where all is quiet.
 
     Args:
         values: shape (C, nt, nx), NaN where a sample is missing.
@@ -93,13 +93,11 @@ def bridged(
     for c, r in zip(*np.nonzero(single.any(axis=1)), strict=True):
         gone = single[c, :, r]
         long = np.zeros(len(t), bool)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], gone.astype(int), [0]])))
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in _stretches(gone):
             inside = start >= 2 and stop <= len(t) - 2
             if stop - start <= BRIDGED and inside:
                 continue
-            about = slice(max(0, 2 * start - stop - 2), min(len(t), 2 * stop - start + 2))
-            if quiet[about, r].all():
+            if quiet[_about(start, stop, len(t)), r].all():
                 long[start:stop] = True
                 still += int(stop - start)
             else:
@@ -116,6 +114,15 @@ def bridged(
             near = own & quiet[:, r]
             values[c, long, r] = np.mean(values[c, near, r]) if near.any() else 0.0
         touched[r] |= bool(bridge.any() or long.any())
+    for start, stop in _stretches(missing):
+        if quiet[_about(start, stop, len(t))].all():
+            missing[start:stop] = False
+            values[:, start:stop] = np.nanmean(np.where(quiet, values, np.nan), 1, keepdims=True)
+            found.append(
+                Finding("frames missing", f"from t = {t[start]:.6g} s", f"{stop - start} frames",
+                        CURED, f"{stop - start} missing frames, from t = {t[start]:.6g} s, where "
+                        "all is quiet, filled with the mean there")
+            )  # fmt: skip
     where = places(x, touched, labels) if touched.any() else ""
     if filled:
         found.append(Finding("samples missing", where, str(filled), CURED,
@@ -145,9 +152,18 @@ def bridged(
 def cut_apart(missing: Mask, quiet: Mask) -> bool:
     """Whether frames are missing for longer than a spline bridges while a signal goes on, so that
     receivers have lost different parts of it, and their sizes say nothing."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(int), [0]]))).reshape(-1, 2)
     last = len(missing) - 1
     return any(
         stop - start > BRIDGED and not quiet[[max(start - 1, 0), min(stop, last)]].all()
-        for start, stop in edges
+        for start, stop in _stretches(missing)
     )
+
+
+def _stretches(missing: Mask) -> NDArray[Any]:
+    """First frame and frame after the last of each stretch that is missing, (n, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(int), [0]]))).reshape(-1, 2)
+
+
+def _about(start: int, stop: int, count: int) -> slice:
+    """A stretch with as much again on either side, and two frames."""
+    return slice(max(0, 2 * start - stop - 2), min(count, 2 * stop - start + 2))

@@ -93,7 +93,7 @@ def check_shapes(values: Float, t: Float, x: Float, placed: bool) -> None:
             f"all times are {t.flat[0]:.9g} s: the numbers that they are stored in hold none "
             "between; give --interval (s)"
         )
-    span, reach = np.ptp(t), np.ptp(x) if placed else 1.0
+    span, reach = np.ptp(t), np.ptp(x) if len(x) and np.isfinite(x).all() else 0.0
     if not (_LEAST < span < _GREATEST and (reach == 0 or _LEAST < reach < _GREATEST)):
         raise RecordError(
             f"t or x: times span {span:g} s, positions {reach:g} m; give them between {_LEAST:g} "

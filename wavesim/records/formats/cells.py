@@ -18,6 +18,7 @@ from wavesim.records.formats.dialect import CLOCK, MARKS, NUMBERS, OVERLOAD
 
 # So many numbers look like thousands that are parted, at least.
 _PARTED = 20
+_DAY = 86400.0  # s
 
 
 def numbers_of(
@@ -134,7 +135,10 @@ def _since_first(
     try:
         if of_day:
             elapsed = pandas.to_timedelta(text)
-            return np.asarray((elapsed - elapsed[0]) / pandas.Timedelta(seconds=1), float)
+            seconds = np.asarray((elapsed - elapsed[0]) / pandas.Timedelta(seconds=1), float)
+            # A clock that falls by more than half a day has passed midnight.
+            days = np.cumsum(np.diff(seconds, prepend=0.0) < -_DAY / 2)
+            return seconds + _DAY * days
         dates = pandas.to_datetime(text, format="ISO8601", utc=True)
         return np.asarray((dates - dates[0]) / pandas.Timedelta(seconds=1), float)
     except (ValueError, TypeError, OverflowError) as error:

@@ -65,6 +65,9 @@ def of_table(table: Table) -> Content:
         arrays["t"] = table.data[:, first]
         _check_long(table, arrays["t"], channels)
         heading = unit_in(table.headings[first], "time")
+        alone = table.headings[first].strip(" ()[]")
+        if heading is None and factor(alone, "time") is not None:
+            heading = alone  # a unit for a name
         unit = heading or table.units[first]
         if factor(unit, "time") is not None:
             units["t"] = unit

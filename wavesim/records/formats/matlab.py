@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.records.content import Content, RecordError, check_size
+from wavesim.records.content import Content, RecordError, check_size, without_single_axes
 from wavesim.records.units import measured_by
 
 _DEEPEST = 4
@@ -45,21 +45,33 @@ def _tried(path: Path) -> None:
 
 
 def _take(content: Content, name: str, value: Any, depth: int) -> None:
-    array = np.asarray(value)
+    array = without_single_axes(np.asarray(value))
     if array.dtype.names and depth < _DEEPEST:
         if array.size == 1:
             for key in array.dtype.names:
                 _take(content, f"{name}.{key}", array.ravel()[0][key], depth + 1)
         else:  # an array of structures: receivers with a signal each
             for key in array.dtype.names:
-                parts = [np.asarray(one[key]).squeeze() for one in array.ravel()]
-                if parts[0].dtype.kind in "fiu" and len({p.shape for p in parts}) == 1:
-                    axis = -1 if parts[0].ndim else 0
-                    _take(content, f"{name}.{key}", np.stack(parts, axis=axis), depth + 1)
+                _beside(content, f"{name}.{key}", [one[key] for one in array.ravel()], depth)
     elif array.dtype == object and array.size == 1 and depth < _DEEPEST:
         _take(content, name, array.ravel()[0], depth + 1)
+    elif array.dtype == object and array.size and depth < _DEEPEST:  # cells: a receiver each
+        own = [np.asarray(one).dtype.names for one in array.ravel()]
+        for key in own[0] or ():
+            if all(names and key in names for names in own):
+                fields = [np.asarray(one)[key].ravel()[0] for one in array.ravel()]
+                _beside(content, f"{name}.{key}", fields, depth)
+        if not any(own):
+            _beside(content, name, list(array.ravel()), depth)
     elif array.dtype.kind in "US" and array.size == 1:
         if of := measured_by(name):
             content.units[of] = str(array.ravel()[0])
     elif array.dtype.kind in "fiubc" and array.ndim <= 3:
         content.arrays[name] = array.ravel() if array.ndim == 2 and 1 in array.shape else array
+
+
+def _beside(content: Content, name: str, parts: list[Any], depth: int) -> None:
+    """Arrays of numbers of one shape, side by side."""
+    arrays = [np.asarray(part).squeeze() for part in parts]
+    if arrays[0].dtype.kind in "fiu" and len({one.shape for one in arrays}) == 1:
+        _take(content, name, np.stack(arrays, axis=-1 if arrays[0].ndim else 0), depth + 1)

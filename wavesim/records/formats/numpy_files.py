@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesim.records.content import Content, RecordError, check_size
+from wavesim.records.content import Content, RecordError, check_size, without_single_axes
 from wavesim.records.units import measured_by
 
 
@@ -49,6 +49,7 @@ def _shape(file: Any) -> tuple[int, ...]:
 def _take(content: Content, name: str, array: Any) -> None:
     if not isinstance(array, np.ndarray):
         raise RecordError(f"can't be read as NumPy's: {name!r} in it is no array")
+    array = without_single_axes(array)
     if array.dtype.names:
         for column in array.dtype.names:
             _take(content, column if name == "values" else f"{name}/{column}", array[column])

@@ -16,6 +16,8 @@ FORMATS = {
     ".miniseed": "MSEED", ".msd": "MSEED", ".seg2": "SEG2", ".sg2": "SEG2", ".gse": "GSE2",
 }  # fmt: skip
 # Shorter intervals in whole µs, s, may be off by more than a hundredth.
+# What SAC has where nothing is said.
+_UNSET = -12345.0
 _COARSE = 50e-6
 
 
@@ -55,7 +57,12 @@ def of_stream(stream: Any) -> Content:
             "them alike, or save those of one interval"
         )
     begin = min(trace.stats.starttime for trace in stream)
-    late = [(trace.stats.starttime - begin) / step if step > 0 else 0.0 for trace in stream]
+    starts = [trace.stats.starttime - begin for trace in stream]
+    of_event = all("sac" in t.stats and t.stats.sac.get("o", _UNSET) != _UNSET for t in stream)
+    if of_event:
+        # Each counts from the event, whatever day its reference time is of.
+        starts = [_delay(trace) for trace in stream]
+    late = [(start - min(starts)) / step if step > 0 else 0.0 for start in starts]
     shifts = [round(one) for one in late]
     off = max(abs(one - shift) for one, shift in zip(late, shifts, strict=True))
     count = max(s + len(t.data) for t, s in zip(stream, shifts, strict=True))
@@ -82,7 +89,7 @@ def of_stream(stream: Any) -> Content:
             f"traces begin up to {off:.2g} of an interval apart: taken on one clock"
         )
     first = [stream[names.index(label)] for label in labels]
-    begins = {_delay(trace) for trace in first}
+    begins = {min(starts)} if of_event else {_delay(trace) for trace in first}
     if step > 0 and len(begins) == 1 and begins != {0.0}:
         (delay,) = begins
         content.arrays["t"] = delay + content.arrays["t"]
@@ -152,8 +159,8 @@ def _delay(trace: Any) -> float:
         except ValueError:
             return 0.0
     if "sac" in stats:  # from the origin of the event
-        origin = stats.sac.get("o", -12345.0)
-        return float(stats.sac.get("b", 0.0)) - origin if origin != -12345.0 else 0.0
+        origin = stats.sac.get("o", _UNSET)
+        return float(stats.sac.get("b", 0.0)) - origin if origin != _UNSET else 0.0
     header = stats.get("segy") or stats.get("su")
     # A whole number of ms.
     return header.trace_header.delay_recording_time * 1e-3 if header else 0.0
@@ -171,7 +178,7 @@ def _offsets(traces: list[Any]) -> np.ndarray | None:
             )
         elif "sac" in stats:
             value = stats.sac.get("dist", np.nan)
-            value = value * 1e3 if value not in (-12345.0,) else np.nan
+            value = value * 1e3 if value not in (_UNSET,) else np.nan
         elif "seg2" in stats:
             value = str(stats.seg2.get("RECEIVER_LOCATION", "nan")).split()[0]
         else:

@@ -34,6 +34,8 @@ _SETS = re.compile(r"\w+ *= *[-+.\d]")
 # Metadata beside the first rows go on no further than so many.
 _BESIDE = 40
 _LONGEST_HEAD = 4
+# Rows of words below the numbers are so many at most.
+_BELOW = 20
 
 
 @dataclass
@@ -107,6 +109,14 @@ def read_table(path: Path) -> Table:
     headings, units, rows = _headings(above[-_LONGEST_HEAD:], width)
     if decimal == ",":
         headings = [re.sub(r"(?<=\d),(?=\d)", ".", heading) for heading in headings]
+    # Rows of words below the numbers, as of their largest and mean.
+    least = max(2, len(body) - _BELOW)
+    last = len(body)
+    while last > least and not readable(cells(body[last - 1][1])[0], decimal):
+        last -= 1
+    if len(body) - last > 1:
+        notes.append(f"{len(body) - last} rows below the numbers: left out")
+        body = body[:last]
     # The last row of a file cut short.
     if len(body) > 2 and not _whole(body[-1][1], cells, decimal, width):
         body = body[:-1]
