@@ -357,3 +357,18 @@ def test_a_gain_that_two_receivers_cannot_tell_is_in_the_bars_of_alpha_and_q(gai
     assert abs(of_band.inverse - 1 / quality) <= 1.96 * of_band.inverse_error <= 0.3 / quality
     off = found.attenuation - transducers.lossy(found.omega, 100.0, quality).imag
     assert np.mean((np.abs(off) <= 1.96 * found.attenuation_error)[np.isfinite(off)]) > 0.9
+
+
+def test_an_expected_speed_that_puts_phases_off_by_a_turn_is_told_of():
+    """Three periods lie between the receivers: half the speed again is one turn less."""
+    x = {"a": 0.01, "b": 0.01 + 3 * C / F}
+    rng = np.random.default_rng(1)
+    rows = {
+        name: ricker(T - at / C, F, 4e-6) + 1e-3 * rng.standard_normal(len(T))
+        for name, at in x.items()
+    }
+    told = [
+        any("--expected is off by 1.0 turns" in note for note in one.notes)
+        for one in (read_array("line", T, rows, x, expected=(F, c)) for c in (C, 1.5 * C))
+    ]
+    assert told == [False, True]

@@ -58,6 +58,8 @@ _ONE_WAVE = 0.15
 _TOP = 0.1
 # Group and phase velocity that far apart are dispersion.
 _DISPERSES = 0.03
+# A phase that is off by so much of a turn may be off by a whole one.
+_A_TURN = 0.5
 
 
 def read_array(
@@ -160,7 +162,7 @@ def read_array(
     best = _best(result, bool(overlap), [] if len(waves) > 1 else notes)
     if waves:
         best = _of_several(best, result, waves, expected)
-    notes += _dispersion(result)
+    notes += _dispersion(result, expected)
     receivers = tuple(
         ReceiverArrivals(key, float(result.record.x[j]), _arrivals(result, j))
         for j, key in enumerate(result.record.names)
@@ -172,9 +174,8 @@ def _alike(result: PulseResult) -> str:
     """Why there is no α where amplitudes fall at all frequencies alike; "" elsewhere."""
     found = result.dispersion.with_errors
     return all_alike(
-        result.quality, result.constant_quality, found.omega, found.phase_velocity,
-        found.attenuation, found.attenuation_error, float(np.ptp(result.record.x)),
-        result.spectra.duration,
+        found.omega, found.phase_velocity, found.attenuation, found.attenuation_error,
+        float(np.ptp(result.record.x)), result.spectra.duration,
     )  # fmt: skip
 
 
@@ -292,8 +293,8 @@ def _best(result: PulseResult, overlap: bool, notes: list[str]) -> Best:
     return judged(name, time, error, span, reason, remedy=remedy)
 
 
-def _dispersion(result: PulseResult) -> list[str]:
-    """Whether phase and group velocity are apart."""
+def _dispersion(result: PulseResult, expected: tuple[float, float] | None) -> list[str]:
+    """Whether phase and group velocity are apart, and whether --expected may have put them so."""
     found = result.dispersion
     with np.errstate(invalid="ignore"):
         own = found.valid & np.isfinite(found.group_velocity + found.phase_velocity)
@@ -306,6 +307,15 @@ def _dispersion(result: PulseResult) -> list[str]:
         return []
     omega = float(found.omega[strongest])
     per, unit = in_frequency(omega)
+    # As much lies between neighbours.
+    turns = omega * float(np.diff(result.record.x).min()) * abs(1 / c - 1 / v) / (2 * math.pi)
+    if expected is not None and turns > _A_TURN:
+        return [
+            f"at {omega * per:.4g} {unit} phases run at {c:.4g} m/s, as --expected says, and "
+            f"groups at {v:.4g} m/s: the medium disperses, or --expected is off by {turns:.1f} "
+            "turns of the phase between neighbours, and so is c: receivers closer to each other "
+            "tell"
+        ]
     return [
         f"the medium disperses: at {omega * per:.4g} {unit} phases run at {c:.4g} m/s and groups "
         f"at {v:.4g} m/s, so that each convention reads a speed of its own"

@@ -39,8 +39,6 @@ ALIKE = (
 # A part of α that all frequencies have is told by so many standard errors beyond this part of α,
 # which velocities that change by 1/πQ, as losses make them, leave open.
 _SURELY, _PART = 3.0, 0.1
-# Or by so many by which 1/Q of α is above that of the spectral ratio.
-_APART = 2.5
 # The spectral ratio is refused where a velocity that changes puts it off by more than this part.
 _CONSTANT = 0.1
 
@@ -188,8 +186,6 @@ def mean_quality(
 
 
 def all_alike(
-    quality: Quality,
-    ratio: Quality,
     omega: Float,
     c: Float,
     loss: Float,
@@ -205,7 +201,6 @@ def all_alike(
     below it; and amplitudes are e^{−α₀ Δx} times as large besides.
 
     Args:
-        quality, ratio: of :func:`mean_quality` and :func:`under_its_assumption`.
         omega, c, loss, error: ω, phase velocity, α and its standard error, shape (n,); NaN where
             unknown.
         span: Δx of first and last receiver, m.
@@ -232,16 +227,8 @@ def all_alike(
     constant, sure = beyond(1)
     if constant < 0:
         constant, sure = beyond(2)
-    # Where α ripples, as by an echo, its mean may be surer than its line; the spectral ratio is off
-    # by as much as velocities leave open, too.
-    apart = quality.inverse - ratio.inverse
-    known = not ratio.reason or ratio.reason.startswith(UNSEEN.split("{")[0])
-    beside = apart - _PART * abs(quality.inverse)
-    mean = known and beside > _APART * math.hypot(quality.inverse_error, ratio.inverse_error)
-    if not (sure > _SURELY or (mean and constant > 0)):
-        return ""
     if not sure > _SURELY:
-        constant = apart * float(np.median(w / c[own])) / 2  # 1/Q = 2αc/ω
+        return ""
     return ALIKE.format(math.exp(-constant * span))
 
 
@@ -253,7 +240,8 @@ def left_to_gains(quality: Quality, ratio: Quality, omega: Float, c: Float) -> f
     then apart, by 2α₀c/ω. 0 where velocities change more, and the ratio tells nothing.
 
     Args:
-        quality, ratio, omega, c: as for :func:`all_alike`.
+        quality, ratio: of :func:`mean_quality` and :func:`under_its_assumption`.
+        omega, c: as for :func:`all_alike`.
     """
     changes = ratio.reason and not ratio.reason.startswith((UNSEEN.split("{")[0], NOT_KNOWN))
     known = np.isfinite(c)
