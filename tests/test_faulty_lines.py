@@ -343,3 +343,19 @@ def test_levels_that_bend_otherwise_at_each_frequency_are_no_spreading(rng):
     for power, told in ((np.where(low, 0.3, 3.0), False), (1.0, True)):
         U = np.exp(loss - power * np.log(x))
         assert bool(spreads(U, x, np.ones(U.shape, bool), 0.0)) == told
+
+
+@pytest.mark.parametrize("second", [0.3, 0.6])
+def test_two_modes_are_refused_where_receivers_are_too_few_to_tell_them(second, rng):
+    """Of 2000 and 3400 m/s at four: frequencies at which they look like one are off either."""
+    x, t = 0.03 + 0.006 * np.arange(4), np.arange(1000) * 5e-7
+    waves = [(lambda w: w / 2000, lambda r: 1.0), (lambda w: w / 3400, lambda r: second)]
+    for modes in (1, 2):
+        u = passing(x, waves[:modes], 5e4, t) + 1e-3 * rng.normal(size=(len(t), 4))
+        points = in_space(record(u, t, x), 2 * np.pi * np.linspace(1e4, 1.3e5, 60))
+        off = np.min([np.abs(points.k - points.omega / c) for c in (2000, 3400)], axis=0)
+        assert (
+            np.mean(off[points.valid] <= points.bar[points.valid]) >= 0.9
+            if modes == 1
+            else (not points.valid.any())
+        )

@@ -57,6 +57,24 @@ def test_what_too_few_receivers_show_beyond_their_wavenumbers_is_folded(every, r
     assert sum("folded" in reason for reason in found.reason) >= 0.8 * 48 * (1 - 1 / every)
 
 
+@pytest.mark.parametrize("relation", [
+    lambda k: 2000.0 * k, BRANCHES[1], lambda k: 3e6 - 0.1 * k**2
+], ids=["acoustic", "optical", "falling"])  # fmt: skip
+def test_a_branch_whose_weak_end_passes_half_a_turn_is_where_it_begins(relation, rng):
+    """Waves up to 0.7 of 2π/d, amplitudes e^{−(k/k_c)²}, k_c = 0.4π/d: those beyond π/d are few.
+
+    ω = 0 or dω/dk = 0 at k = 0, and at 2π/d neither."""
+    x, k = np.arange(19) * 1e-3, 2 * np.pi * np.arange(1, 14) / 0.019
+    wave = np.exp(1j * (np.outer(k, x) + rng.uniform(0, 2 * np.pi, len(k))[:, None]))
+    size = np.exp(-((k * 1e-3 / (0.4 * np.pi)) ** 2))
+    u = ((np.exp(-1j * np.outer(T, relation(k))) * size) @ wave).real
+    found = in_time(record(u / np.abs(u).max() + 1e-7 * rng.normal(size=u.shape), T, x, ring=True))
+    own = found.take(found.valid)
+    assert np.abs(own.omega - relation(own.k)).max() < 1e-4 * own.omega.max()
+    assert len(own) >= 8
+    assert sum("folded" in reason for reason in found.reason) >= 3
+
+
 @pytest.mark.parametrize("fault", ["hum", "clocks", "unmended clocks", "interpolated"])
 def test_what_receivers_differ_by_makes_no_waves(fault, rng):
     """A hum of unequal gains, clocks off by 0.003 to 0.1 of a period, samples between others by

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, get_window, lfilter
 
 from wavesim.records.files import Layout, from_arrays
 from wavesim.records.fitness import for_k_at_frequency
@@ -451,6 +451,18 @@ def test_an_exponential_window_over_all_samples_is_a_gain(rng):
     assert "normalised" in [one.what for one in bent.findings]
     with pytest.raises(RecordError, match="a window"):
         for_k_at_frequency(bent)
+
+
+@pytest.mark.parametrize("window", ["hann", "blackman", ("tukey", 0.5), ("gaussian", 200)])
+def test_a_window_is_told_by_the_noise_behind_a_wave_that_comes_early(window, rng):
+    """It lessens noise to nothing, ever faster; what a wave leaves behind dies away e^{-t/s}."""
+    x, t = 0.02 + 0.005 * np.arange(8), np.arange(1200) * 5e-7
+    late = t[:, None] - 5e-5 - x / 3000
+    u, noise = ricker(late), 1e-3 * rng.normal(size=late.shape)
+    coda = np.hypot(1, 10 * np.exp(-np.maximum(late, 0) / 1e-4) * (late > 0))
+    assert "normalised" not in [one.what for one in record(u + coda * noise, t, x).findings]
+    bent = record((u + noise) * get_window(window, 1200, False)[:, None], t, x)
+    assert "normalised" in [one.what for one in bent.findings]
 
 
 def test_the_foot_of_a_wave_of_few_samples_a_period_is_no_window(rng):

@@ -37,8 +37,10 @@ _FEW = 5
 # A mode goes on by lines through so many points that meet to this part of 2π/d, and after this part
 # of ω at most.
 _PIECE, _MEETS, _SOON = 12, 0.05, 0.1
-# Two branches are one curve where it misses their points by this part of its step in ω.
-_LEVEL = 0.1
+# A branch goes on where points miss its curve by this part of its step in ω, so many on at most;
+# k = 0 is at that end where ω, if that falls to this part of its most, or its slope is by this
+# part less.
+_LEVEL, _MISSED, _STILL, _CLEARLY = 0.1, 2, 0.1, 0.5
 
 
 def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
@@ -136,9 +138,10 @@ def mirrored_branches(
 ) -> NDArray[np.bool_]:
     """Points of branches ω(k) that go on as others beyond k = π/d, seen at 2π/d − k, shape (m,).
 
-    Of two that meet there as one smooth curve that is not level, that from k = 0 on is where it
-    seems, and of others nothing tells which; what goes on from one that is not through k = 0 is
-    not either.
+    Of two that meet at π/d as one smooth curve that is not level there, that one is where it seems
+    which comes to k = 0 at ω = 0, as no wave does elsewhere, or else level, as ω² is even in k;
+    where nothing tells, neither is. A few points by themselves that go on from a branch are its
+    own.
 
     Args:
         branch: of each point, −1 for none, shape (m,).
@@ -146,30 +149,62 @@ def mirrored_branches(
         omega, gap: as of :func:`is_folded`.
     """
     folded = np.zeros(len(k), bool)
-    own = {b: at[np.argsort(k[at])] for b in np.unique(branch[branch >= 0])
-           if len(at := np.flatnonzero(branch == b)) >= _FEWEST}  # fmt: skip
-    step = float(np.diff(np.unique(k)).min(initial=np.inf))
-
-    def goes_on(first: Any, last: Any, edge: float) -> bool:
-        near = [at[np.argsort(np.abs(k[at] - edge))[:_FEWEST]] for at in (first, last)]
-        along = np.r_[k[near[0]], 2 * edge - k[near[1]]] - edge
-        if np.abs(along).max() > (_FEWEST + 0.6) * step:
-            return False
-        at = omega[np.concatenate(near)]
-        curve = np.polyfit(along, at, 2)
-        rise = abs(curve[1]) * step
-        return bool(np.abs(np.polyval(curve, along) - at).max() < _LEVEL * rise)
-
-    pairs = [(a, b) for a, b in permutations(own, 2) if a < b]
-    for a, b in pairs:
-        if goes_on(own[a], own[b], np.pi / gap):
-            from_zero = [points_to_zero(k[own[c]], omega[own[c]], gap) for c in (a, b)]
-            for c, known in zip((a, b), from_zero, strict=True):
-                folded[own[c]] |= not known or all(from_zero)
-    for a, b in pairs * 2:
-        if folded[own[a][0]] != folded[own[b][0]] and goes_on(own[a], own[b], 0.0):
-            folded[own[a]] = folded[own[b]] = True
+    edge, step = np.pi / gap, float(np.diff(np.unique(k)).min(initial=np.inf))
+    for number in np.unique(branch[branch >= 0]):
+        own = np.flatnonzero(branch == number)
+        if len(own) < _FEWEST:
+            continue
+        own = own[np.argsort(k[own])]
+        beyond, place, at = _beyond(own, k, omega, edge, step)
+        if not len(beyond):
+            continue
+        ends = [_at_end(end, place, at, step) for end in (0.0, 2 * edge)]
+        still = min(value for value, _ in ends) < _STILL * float(at.max())
+        here, there = (value if still else slope for value, slope in ends)
+        many = len(beyond) >= _FEWEST
+        folded[own] |= many and not here < _CLEARLY * there
+        folded[beyond] |= not many or not there < _CLEARLY * here
     return folded
+
+
+def _at_end(end: float, place: Float, at: Float, step: float) -> tuple[float, float]:
+    """|ω| of a curve ω = at(place) at k = end, by a parabola, and by how much it changes a step."""
+    away = np.abs(place - end)
+    near = np.argsort(away)[: _FEWEST + int(away.min() / step)]
+    curve = np.polynomial.Polynomial.fit(place[near] - end, at[near], 2)
+    return abs(float(curve(0.0))), abs(float(curve.deriv()(0.0))) * step
+
+
+def _beyond(
+    branch: NDArray[Any], k: Float, omega: Float, edge: float, step: float
+) -> tuple[NDArray[np.int64], Float, Float]:
+    """Points that a branch goes on through beyond k = π/d, each where a parabola goes on.
+
+    Args:
+        branch: numbers of its points, ascending in k.
+        k, omega: of all points.
+        edge: π/d, rad/m.
+        step: of the wavenumbers, rad/m.
+
+    Returns:
+        Their numbers; and k and ω of the whole curve.
+    """
+    place, at, found, ahead = k[branch], omega[branch], [], 1
+    others = np.setdiff1d(np.arange(len(k)), branch)
+    while ahead <= _MISSED and len(others):
+        curve = np.polynomial.Polynomial.fit(place[-_FEWEST:], at[-_FEWEST:], 2)
+        next_ = place[-1] + ahead * step
+        seen = abs(next_ - 2 * edge * round(next_ / (2 * edge)))
+        here = np.abs(k[others] - seen) < step / 2
+        off = np.where(here, np.abs(omega[others] - curve(next_)), np.inf)
+        j = int(off.argmin())
+        if not off[j] < _LEVEL * ahead * step * abs(curve.deriv()(place[-1])):
+            ahead += 1
+            continue
+        place, at, ahead = np.append(place, next_), np.append(at, omega[others[j]]), 1
+        if next_ > edge + step / 4:
+            found.append(int(others[j]))
+    return np.array(found, int), place, at
 
 
 def _meet(k: Float, omega: Float, first: Any, last: Any, gap: float) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
-from wavesim.readings.dispersion.branch_joining import join, scatter
+from wavesim.readings.dispersion.branch_joining import SHORTEST_BRANCH, join, scatter
 from wavesim.readings.dispersion.fft_peaks import (
     LOBE_BINS,
     WORKERS,
@@ -192,7 +192,8 @@ def in_time(
         points, bends = points.take(low), bends.take(low)
     points = widened(with_branches(points, k, cell), k)
     if not record.lattice:
-        mirrored = mirrored_branches(points.branch, points.k, points.omega, record.spacing)
+        every = with_branches(points, k, cell, shortest=1).branch
+        mirrored = mirrored_branches(every, points.k, points.omega, record.spacing)
         points = points.refused(mirrored, FOLDED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     close = CLOSE if method == "harmonic" else 0.0
@@ -218,12 +219,14 @@ def _with_rounding(points: BranchPoints, record: Record) -> BranchPoints:
     return replace(points, error=np.hypot(points.error, part))
 
 
-def with_branches(points: BranchPoints, k: Float, cell: float) -> BranchPoints:
+def with_branches(
+    points: BranchPoints, k: Float, cell: float, shortest: int = SHORTEST_BRANCH
+) -> BranchPoints:
     """The points with valid ones joined into branches over the wavenumbers k."""
     branch = np.full(len(points), -1)
     valid = np.flatnonzero(points.valid)
     step = np.searchsorted(k, points.k[valid] * (1 - 1e-12))
-    branch[valid] = join(step, points.omega[valid], points.amplitude[valid], cell)
+    branch[valid] = join(step, points.omega[valid], points.amplitude[valid], cell, shortest)
     return replace(points, branch=branch)
 
 

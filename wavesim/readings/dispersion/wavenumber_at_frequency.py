@@ -25,7 +25,7 @@ from wavesim.readings.dispersion.line_fit import unknowns
 from wavesim.readings.dispersion.noise_level import excited_frequencies, noise_variance
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
-from wavesim.readings.dispersion.simplest_waves import EXCESS, MORE, line_fits, simplest
+from wavesim.readings.dispersion.simplest_waves import EXCESS, MORE, UNLIKE, line_fits, simplest
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.records.faults.quiet import frames_at_rest
@@ -45,8 +45,9 @@ _ABOVE_TRUNCATION = 30.0
 _ABOVE_NOISE = 3.0
 _LARGEST_ERROR = 0.5
 _NYQUIST = 0.97
-# Fewer points, of less than this part of the power heard, are no wave where the rest is none.
-_FEW, _OF_POWER = 5, 0.2
+# Fewer points, of less than this part of the power heard, are no wave where the rest is none; nor
+# any where this part of it is several waves that receivers are too few to tell; gains leave less.
+_FEW, _OF_POWER, _OF_SEVERAL, _OF_GAINS = 5, 0.2, 0.1, 3e-3
 # Where so many frequencies show more than one mode, a record holds several.
 _SEVERAL = 2
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
@@ -96,8 +97,7 @@ def in_space(
         The points, n for each pair; those that can't be measured are there with the reason.
 
     Raises:
-        RecordError: frames are missing, fewer than two receivers stand clear of the sources, or
-            waves spread from no source that is named.
+        RecordError: frames, receivers clear of sources, or the source of what spreads are missing.
     """
     if len(record.missing) and record.missing.any():
         raise RecordError(
@@ -178,12 +178,10 @@ def in_space(
     high = points.omega.real > _BAND * np.pi / record.interval
     reason = np.where(high, "near the Nyquist frequency: sample more often", points.reason)
     points = replace(points, valid=points.valid & ~high, reason=reason)
-    if spread:
-        points = points.refused(points.valid, spread)
-    part = np.hypot(record.spacing_error, record.interval_error)
-    points = replace(points, error=np.hypot(points.error, part * np.abs(points.k)))
-    points = _with_branches(points, omega)
-    points = _with_hidden(points, U, x, used, level, models)
+    points = points.refused(points.valid & bool(spread), spread)
+    part = np.hypot(record.spacing_error, record.interval_error) * np.abs(points.k)
+    points = replace(points, error=np.hypot(points.error, part))
+    points = _with_hidden(_with_branches(points, omega), U, x, used, level, models)
     if not record.ring:
         points = with_unlike_halves(points, U, x, used, level, models)
     points = _with_branches(points.known(), omega)
@@ -208,22 +206,25 @@ def in_space(
 
 
 def _enough(points: BranchPoints, heard: Any, models: Any) -> BranchPoints:
-    """Refuse a few points where nearly all that was heard, (nω, nx), is none, as the loudest is."""
+    """Refuse a few points where nearly all that was heard, (nω, nx), is none, as the loudest is;
+    and all of receivers too few to tell two modes, where a good part of it is more than one."""
     step = np.repeat(np.arange(len(heard)), [pairs for pairs, _, _ in models])
-    power, read = np.sum(np.abs(heard) ** 2, axis=1), np.unique(step[points.valid])
+    power, none = np.sum(np.abs(heard) ** 2, axis=1), ~points.valid
+    read, several = np.unique(step[~none]), np.isin(points.reason, (MORE, UNLIKE))
+    several &= points.residual > _OF_GAINS
     few = len(read) < min(_FEW, len(heard) / 2)
-    few = few and power[read].sum() < _OF_POWER * power.sum()
-    if not few:
+    refused = few and power[read].sum() < _OF_POWER * power.sum()
+    if heard.shape[1] <= unknowns(2, False):
+        mixed = power[np.unique(step[several])].sum() > _OF_SEVERAL * power.sum()
+        refused, none = refused or mixed, several if mixed else none
+    if not refused:
         return points
-    return points.refused(points.valid, points.reason[np.argmax(power[step] * ~points.valid)])
+    return points.refused(points.valid, points.reason[np.argmax(power[step] * none)])
 
 
 def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: Any) -> BranchPoints:
-    """Errors with what comes round a ring from its other side, where the model has no such wave.
-
-    A wave of a part R beside the first moves k by 2R/X at most, and it is R = e^{−Im k (S − 2x)}
-    of the stretch S between sources, of sources that are alike.
-    """
+    """Errors with what comes round a ring from its other side, where the model has no such wave:
+    of a part R = e^{−Im k (S − 2x)} of the stretch S between like sources, 2R/X at most."""
     one_way = np.repeat([not both for _, both in models], [pairs for pairs, _ in models])
     part = np.where(one_way, _coming_back(points.k, x, stretch), 0.0)
     return replace(points, error=np.hypot(points.error, 2 * part / float(np.ptp(x)) / COMPLEX_BAR))
@@ -345,6 +346,5 @@ def _with_branches(points: BranchPoints, omega: Float) -> BranchPoints:
     if len(own):
         size = np.abs(points.k[own])
         step = np.searchsorted(omega, points.omega[own].real * (1 - 1e-12))
-        cell = float(np.median(size)) / 4
-        branch[own] = join(step, size, points.amplitude[own], cell, shortest=1)
+        branch[own] = join(step, size, points.amplitude[own], np.median(size) / 4, shortest=1)
     return replace(points, branch=branch)

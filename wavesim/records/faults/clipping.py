@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError
 from wavesim.records.faults.finding import CURED, TOLD, Finding, places
+from wavesim.records.faults.gain_in_time import unsteady
 from wavesim.records.faults.quiet import fine_noise
 
 Float = NDArray[Any]
@@ -28,15 +29,6 @@ _STUCK, _LOST = 8, 0.1
 # of its deviations, as happens by chance once in so many records; at rest it is in the quietest of
 # so many blocks.
 _ONE_SIZE, _CHANCE_WIDTH, _BY_CHANCE, _BLOCKS = 0.1, 2.5, 1e-6, 8
-# Noise is seen in so many blocks, at so many channels, by differences of that order, above this
-# part of the loudest: alone where it is so much of all that is there, and beneath a signal where so
-# much, as it is of what is alone where a gain follows that; or it grows by more nepers than this,
-# and than so many of its errors (the variance of the logarithm of a median of m samples is the last
-# over m), and goes on by that part of it in the later half.
-_PARTS, _CHANNELS, _ORDER, _ROUNDING, _MEDIAN = 16, 64, 6, 1e-9, 0.455 * 924
-_ALONE, _BENEATH, _GROWS, _ERRORS, _CHANCE, _GOES_ON = 0.5, 0.15, 0.35, 8.0, 1.5, 0.25
-# So many of these, or errors, before the wave under a window; of one that falls so much across it.
-_RISES, _FALLS = 4.0, 0.5
 # A rectified signal never falls below rest by this part of its peak, and dips so many times,
 # or each of so many once, shortly, between lobes of that part; most of the time it is below this
 # part. Rectified noise has its least value 1.7 median deviations below its median, and noise that
@@ -46,8 +38,8 @@ _BELOW, _LOBE, _DIPS, _ALL_OF, _AT_REST, _FOLDED = 0.02, 0.1, 2, 4, 0.25, 2.5
 # so many receivers.
 _CREST, _STILL, _LESS, _SEVERAL = 0.5, 0.1, 0.35, 3
 # A magnitude's noise at rest, mean over standard deviation, to this part; blocks are at rest up to
-# so many times the least mean, of records of so many samples.
-_RAYLEIGH, _CLOSE, _LEVEL, _RESTING = 1.913, 0.06, 1.3, 256
+# so many times the least mean, of records of so many samples, so many blocks of each.
+_RAYLEIGH, _CLOSE, _LEVEL, _RESTING, _PARTS = 1.913, 0.06, 1.3, 256, 16
 NORMALISED = "normalised"
 
 
@@ -205,7 +197,7 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
                 "values never fall below rest, but dip to it between lobes: they are rectified, "
                 "and every frequency in them is another; give the signal as it was"
             )
-        grows, follows = _unsteady(np.nan_to_num(v - np.nanmedian(v, axis=0)))
+        grows, follows = unsteady(np.nan_to_num(v - np.nanmedian(v, axis=0)))
         if not grows and _compressed(v - np.nanmedian(v, axis=0)):
             raise RecordError(
                 "noise is less on crests than at rest, as no instrument adds it: samples are "
@@ -271,71 +263,3 @@ def _of_one_size(v: Float, quantum: Float) -> str:
         told.append((name, sure))
     # Copies of one signal have all of them alike.
     return "" if all(one for _, one in told) else next((name for name, one in told if one), "")
-
-
-def _unsteady(v: Float) -> tuple[str, str]:
-    """How noise changes in time, and how it follows the signal, as only a gain makes it; or "".
-
-    Noise is seen by sixth differences, in blocks of channels, (nt, nx): a gain that follows the
-    signal leaves less beneath it than where noise is alone; one that grows in time, as e^{at} or
-    tⁿ, makes the noise that is alone grow too, in all alike, and so does a window (Hann's, or modal
-    analysis' e^{−at}) over samples and their noise.
-    """
-    m, v = len(v) // _PARTS, v[:, :: max(1, v.shape[1] // _CHANNELS)]
-    if m < _STUCK:
-        return "", ""
-    blocks = np.array([v[a * m : (a + 1) * m] for a in range(_PARTS)])
-    sixth = np.diff(v, _ORDER, axis=0)[: m * _PARTS - _ORDER]
-    parts = [np.median(part**2, axis=0) for part in np.array_split(sixth, _PARTS)]
-    noise, size = np.sqrt(np.array(parts) / _MEDIAN), blocks.std(axis=1)
-    heard = noise > _ROUNDING * size.max()
-    alone, beneath = heard & (noise > _ALONE * size), heard & (noise < _BENEATH * size)
-    at = np.arange(_PARTS)[:, None] / _PARTS
-    log = np.log(np.maximum(noise, 1e-300))
-
-    def growth(of: Mask) -> tuple[float, float]:
-        """Nepers that noise grows by over the record, in some blocks of channels, and its error."""
-        count = of.sum(axis=0)
-        late, own = (
-            (w - (w * of).sum(axis=0) / np.maximum(count, 1)) * of
-            for w in np.broadcast_arrays(at, log)
-        )
-        spread = max(float(np.sum(late**2)), 1e-300)
-        slope = float(np.sum(late * own)) / spread
-        spare = max(int(count.sum() - (count > 0).sum()) - 1, 1)
-        left = float(np.sum((own - slope * late) ** 2)) / spare
-        return slope, float(np.sqrt(max(left, _CHANCE / m) / spread))
-
-    (slope, error), grows, follows = growth(alone), "", ""
-    rows = np.flatnonzero(alone.any(axis=1))
-    if len(rows) > _SEVERAL and slope > max(_GROWS, _ERRORS * error):
-        # A gain goes on growing, and what waves bring with them (scattering, a shaker) does not.
-        middle = np.median(np.nonzero(alone)[0])
-        later = alone & (np.arange(_PARTS)[:, None] > middle)
-        if (rows > middle).sum() < 2 or growth(later)[0] > _GOES_ON * slope:
-            grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
-    # A window over all samples bends noise before anything has come, from the first on, as no wave
-    # does whose foot has periods of few samples; of one that only falls noise is less behind the
-    # wave than before it, by as much as it falls all along.
-    before = np.logical_and.accumulate(alone, axis=0)
-    after = np.logical_and.accumulate(alone[::-1], axis=0)[::-1] & ~before
-    rise, sure = growth(before)
-    if before.any(axis=1).sum() > _SEVERAL and rise > _RISES * max(_GROWS, sure):
-        late = np.arange(_PARTS)[:, None] > np.median(np.nonzero(before)[0])
-        halves = [growth(before & half)[0] for half in (late, ~late)]
-        if not grows and min(halves) > _GOES_ON * rise:
-            grows = "growing before anything comes"
-    both = before.any(axis=0) & after.any(axis=0)
-    if both.sum() >= _SEVERAL and slope < -max(_GROWS, _ERRORS * error):
-        means = [[np.sum(w * of, axis=0)[both] / of.sum(axis=0)[both] for w in (log, at)]
-                 for of in (before, after)]  # fmt: skip
-        (fall, apart) = np.subtract(means[1], means[0])
-        if np.median(fall / apart) < _FALLS * slope:
-            grows = f"{np.exp(slope):.2g} times as loud at the end as at the beginning"
-    own = np.flatnonzero(alone.any(axis=0) & beneath.any(axis=0))
-    if len(own) >= max(_SEVERAL, v.shape[1] / 2):
-        less = np.median([np.median(noise[beneath[:, j], j]) / np.median(noise[alone[:, j], j])
-                          for j in own])  # fmt: skip
-        if less < _BENEATH:
-            follows = f"{100 * less:.2g} % as loud beneath the signal as without it"
-    return grows, follows
