@@ -264,10 +264,8 @@ def _values(content: Content, layout: Layout) -> tuple[Float, tuple[str, ...], s
     """Values, labels of their columns, and the name of their array."""
     arrays = content.arrays
     if layout.values is not None:
-        values = arrays[layout.values]
-        if values.ndim == 1:
-            values = values[:, None]
-        name = layout.values
+        name, values = layout.values, arrays[layout.values]
+        values = values[:, None] if values.ndim == 1 else values
     else:
         axes = (layout.time, layout.positions)
         spatial = [n for n, a in arrays.items() if bare(n) in POSITIONS and a.shape[-1:] <= (3,)]

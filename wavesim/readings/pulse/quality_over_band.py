@@ -31,6 +31,10 @@ _FEWEST_FREQUENCIES = 3
 UNSEEN = "no loss is seen: Q above {:.3g}"
 NOT_KNOWN = "whether the velocity is constant over the band is not known"
 CHANGES = "Q changes with frequency, from {:.3g} to {:.3g} over the band, and no mean: take α(ω)"
+BENDS = (
+    "ln A bends with frequency, as 1/Q from {:.2g} to {:.2g} over the band would have it, and the "
+    "spectral ratio takes Q as constant: take α(ω)"
+)
 ALIKE = (
     "the last receiver has {:.2g} of the first one's amplitude at all frequencies alike, beside "
     "what falls with frequency: as of waves that spread, unlike gains, what lies between, or a "
@@ -39,6 +43,8 @@ ALIKE = (
 # A part of α that all frequencies have is told by so many standard errors beyond this part of α,
 # which velocities that change by 1/πQ, as losses make them, leave open.
 _SURELY, _PART = 3.0, 0.1
+# 1/Q that changes by this part of its mean over the band is not constant.
+_CHANGED = 0.5
 # The spectral ratio is refused where a velocity that changes puts it off by more than this part.
 _CONSTANT = 0.1
 
@@ -81,7 +87,8 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Qua
         travel_time: τ_j, shape (m,), s; a time common to all is of no account.
 
     Returns:
-        Q; none through an exponential window. Frequencies closer than the window resolves share
+        Q; none through an exponential window, nor where ln A bends with f by so much that 1/Q would
+        change by more than half over the band. Frequencies closer than the window resolves share
         their noise, and count accordingly.
     """
     if seen.sigma:
@@ -96,29 +103,44 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Qua
     weight = np.where((weight > 0).sum(axis=1)[:, None] >= 2, weight, 0)
     tau = np.asarray(travel_time, float) - np.asarray(travel_time, float)[0]
     frequency = seen.omega / (2 * np.pi)
-    columns = [-np.pi * frequency[:, None] * tau]
-    columns += [np.eye(len(tau))[j] * np.ones_like(weight) for j in range(1, len(tau))]
+    falls = -np.pi * frequency[:, None] * tau
+    columns = [falls] + [np.eye(len(tau))[j] * np.ones_like(weight) for j in range(1, len(tau))]
     total = np.maximum(weight.sum(axis=1, keepdims=True), 1e-290)
 
     def projected(part: Float) -> Float:
         away = part - (weight * part).sum(axis=1, keepdims=True) / total
         return np.asarray((np.sqrt(weight) * away).ravel())
 
-    design = np.stack([projected(column) for column in columns], axis=1)
-    data = projected(logarithm)
+    data, counts = projected(logarithm), (weight > 0).any(axis=1)
     count = int((weight > 0).sum())
-    spare = count - int((weight > 0).any(axis=1).sum()) - len(tau)
+    spare = count - int(counts.sum()) - len(tau)
     if spare < 1 or not np.isfinite(tau).all():
         nothing = "too few amplitudes above the noise, or no travel times"
         return Quality(np.nan, np.nan, np.nan, np.nan, count, nothing)
-    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-290)
-    inverse = np.linalg.pinv(design / scale)
-    solution = inverse @ data
-    excess = float(np.sum((data - design / scale @ solution) ** 2)) / spare
     shared = max(1.0, 2 * np.pi / seen.duration / float(np.mean(np.diff(seen.omega))))
-    variance = float(np.sum(inverse[0] ** 2)) * shared * (max(1.0, excess) if known else excess)
-    one, error = float(solution[0] / scale[0]), float(np.sqrt(variance) / scale[0])
-    return Quality(1 / one if one else np.inf, error / one**2 if one else np.nan, one, error, count)
+
+    def fitted(parts: list[Float], spare: int) -> tuple[Float, Float]:
+        """The first two of the parts' sizes, and their standard errors."""
+        design = np.stack([projected(part) for part in parts], axis=1)
+        scale = np.maximum(np.linalg.norm(design, axis=0), 1e-290)
+        inverse = np.linalg.pinv(design / scale)
+        solution = inverse @ data
+        excess = float(np.sum((data - design / scale @ solution) ** 2)) / spare
+        variance = np.sum(inverse**2, axis=1) * shared * (max(1.0, excess) if known else excess)
+        return (solution / scale)[:2], (np.sqrt(variance) / scale)[:2]
+
+    (one, *_), (error, *_) = (part.tolist() for part in fitted(columns, spare))
+    found = Quality(
+        1 / one if one else np.inf, error / one**2 if one else np.nan, one, error, count
+    )
+    # 1/Q at either end of the band, if it changes in proportion to f.
+    away = frequency / float(np.mean(frequency[counts])) - 1
+    if spare > 1:
+        (mean, bend), (_, unsure) = fitted([falls, away[:, None] * falls, *columns[1:]], spare - 1)
+        ends = mean + bend * np.array([away[counts].min(), away[counts].max()])
+        if abs(bend) > _SURELY * unsure and np.ptp(ends) > _CHANGED * abs(mean):
+            return replace(found, reason=BENDS.format(*ends))
+    return found
 
 
 def mean_quality(
@@ -243,7 +265,9 @@ def left_to_gains(quality: Quality, ratio: Quality, omega: Float, c: Float) -> f
         quality, ratio: of :func:`mean_quality` and :func:`under_its_assumption`.
         omega, c: as for :func:`all_alike`.
     """
-    changes = ratio.reason and not ratio.reason.startswith((UNSEEN.split("{")[0], NOT_KNOWN))
+    changes = ratio.reason and not ratio.reason.startswith(
+        (UNSEEN.split("{")[0], BENDS.split("{")[0], NOT_KNOWN)
+    )
     known = np.isfinite(c)
     if changes or not known.any() or not _constant(c[known]):
         return 0.0

@@ -64,10 +64,7 @@ def of_table(table: Table) -> Content:
         _check_time(table, first)
         arrays["t"] = table.data[:, first]
         _check_long(table, arrays["t"], channels)
-        heading = unit_in(table.headings[first], "time")
-        alone = table.headings[first].strip(" ()[]")
-        if heading is None and factor(alone, "time") is not None:
-            heading = alone  # a unit for a name
+        heading = _unit_of(table, first)
         unit = heading or table.units[first]
         if factor(unit, "time") is not None:
             units["t"] = unit
@@ -102,16 +99,9 @@ def of_table(table: Table) -> Content:
     ]
     overload = {label: table.overload[c] for label, c in zip(labels, channels, strict=True)
                 if table.overload[c]}  # fmt: skip
-    found = Content(
-        arrays,
-        units,
-        tuple(labels),
-        tuple(table.columns[c] for c in channels),
-        notes,
-        overload,
-        said_in=said_in,
-        settled=settled,
-    )
+    columns = tuple(table.columns[c] for c in channels)
+    found = Content(arrays, units, tuple(labels), columns, notes, overload, said_in=said_in,
+                    settled=settled)  # fmt: skip
     _positions(found, table, channels)
     return found
 
@@ -302,8 +292,14 @@ def _one_clock(
 
 def _seconds_of(table: Table, clock: int) -> float:
     """Unit of a column of times, s; 1 where none is said."""
-    unit = unit_in(table.headings[clock], "time") or table.units[clock]
-    return factor(unit, "time") or 1.0
+    return factor(_unit_of(table, clock) or table.units[clock], "time") or 1.0
+
+
+def _unit_of(table: Table, clock: int) -> str | None:
+    """The unit of time that a column's heading says, or is."""
+    heading = table.headings[clock].strip(" ()[]")
+    alone = heading if factor(heading, "time") is not None else None
+    return unit_in(table.headings[clock], "time") or alone
 
 
 def _positions(found: Content, table: Table, channels: list[int]) -> None:
