@@ -52,3 +52,21 @@ def test_noise_and_short_pulses_have_no_converter_of_their_own(part, rng):
     assert np.array_equal(one_broken, broken[None])
     one = record(values, t * 1e-6, np.arange(12) * 5e-3)
     assert "interleaved" not in {found.what for found in one.findings}
+
+
+@pytest.mark.parametrize("wave", ["four samples a period", "square", "driven"])
+def test_a_signal_about_a_quarter_of_the_sampling_frequency_is_no_image(wave):
+    """Law: converters of one board differ by few per cent. A pulse of four samples a period is its
+    own image, and the harmonics of a source of an even number of samples a period are each
+    other's: they are as large as the signal, or a third, and stay.
+    """
+    at = np.arange(1024.0)[:, None] - 100 - 7.3 * np.arange(6)
+    values = {
+        "four samples a period": np.cos(np.pi / 2 * at) * np.exp(-((at / 6) ** 2)),
+        "square": np.sign(np.sin(2 * np.pi * at / 16)),
+        "driven": np.cos(2 * np.pi * at / 6) + 0.3 * np.cos(4 * np.pi * at / 6 + 1),
+    }[wave]
+    values = values[None] + 1e-4 * np.random.default_rng(3).normal(size=(1, 1024, 6))
+    found = []
+    assert np.array_equal(one_converter(values, np.arange(6.0), [""] * 6, found), values)
+    assert not found

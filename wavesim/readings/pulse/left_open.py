@@ -36,9 +36,11 @@ _DELAY = 0.14
 # They ring where the envelope of what is heard takes so many periods more from half of its top to
 # this part of it than that of what was sent, by the first of them if it takes that many more to
 # fall to half, too. Their first cycles are unheard for such a part of that; and, where what comes
-# ahead in a period has so much of the top and covers more of them, for about a constant besides.
+# ahead in a period has so much of the top and covers more of them, for about a constant besides;
+# so too where what was sent is not known and may have been a burst, which rises as slowly itself
+# (Hann's window of three cycles by 0.44 of one).
 _RINGS, _RINGS_ON, _NEAR_TOP = (0.15, 0.3), 0.45, 0.9
-_UNHEARD, _LOUD, _NOT_HEARD = 0.4, 0.1, (0.35, 0.6)
+_UNHEARD, _LOUD, _NOT_HEARD, _AS_A_BURST = 0.4, 0.1, (0.35, 0.6), 0.43
 # A wave that breaks within this part of a period after the crosstalk is hidden by it, and within
 # that where it had not ended, or was strong and longer than so many periods: a wave that began in
 # it is still there; of a sweep this part of its length has its first cycle, the longest.
@@ -212,6 +214,7 @@ def ringing(
     ahead = size[(after >= since) & (after < begins)]
     top = float(size[int(np.searchsorted(after, own.top).clip(max=len(size) - 1))])
     quiet = len(ahead) and float(np.sqrt(np.mean(ahead**2))) < _LOUD * top
+    quiet = quiet and (record.sent is not None or rise < _AS_A_BURST)
     part = _UNHEARD * rise if quiet else _NOT_HEARD[0] + _NOT_HEARD[1] * rise
     return part * record.period
 

@@ -17,6 +17,9 @@ _TAPS, _FEWEST = 41, 256
 # The image stands above what is by chance in so many numbers' worth of the upper half band by this
 # factor, and is this part of all that is there, in each of so many parts that hold as much of it.
 _ABOVE, _PART, _PARTS = 25.0, 0.5, 8
+# Converters of one board are alike to this part in gain, and to this part of an interval in time;
+# more is a signal about a quarter of the sampling frequency, or one of many harmonics.
+_UNLIKE = 0.1
 
 
 def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[Finding]) -> Float:
@@ -57,7 +60,8 @@ def one_converter(values: Float, x: Float, labels: tuple[str, ...], found: list[
         left = float(np.sum((h - fit) ** 2))
         told = float(np.sum(h**2)) - left
         chance = left * len(amount) / (len(h) / 2)
-        if told > _ABOVE * chance and _all_along(h, fit):
+        alike_enough = np.abs(amount[1:]).max() < _UNLIKE
+        if told > _ABOVE * chance and alike_enough and _all_along(h, fit):
             image = np.zeros_like(values) if image is None else image
             image[c, :, j] = parts @ amount
             which[j] = True
