@@ -270,6 +270,7 @@ def test_it_knows_signals_alone():
         "wavesim.records.faults.fill_values",
         "wavesim.records.faults.finding",
         "wavesim.records.faults.gain_in_time",
+        "wavesim.records.faults.hum",
         "wavesim.records.faults.moveout",
         "wavesim.records.faults.quantisation",
         "wavesim.records.faults.quiet",

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError, UnitsError
 from wavesim.records.faults import quantisation
-from wavesim.records.faults.baseline import without_baseline, without_early_hum
+from wavesim.records.faults.baseline import without_baseline
 from wavesim.records.faults.channels import Mended, misfits
 from wavesim.records.faults.clipping import clipped, tell_processed, without_stuck
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.frame_times import check_clock, check_goes_on, once_each
+from wavesim.records.faults.hum import without_early_hum
 from wavesim.records.faults.interleaved import one_converter
 from wavesim.records.faults.moveout import (
     arrivals,
