@@ -294,12 +294,13 @@ def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error
     Returns:
         The same with an error that holds it, and with a reason where it is more than a tenth of Q.
     """
-    if ratio.reason:
+    bends = ratio.reason.startswith(BENDS.split("{")[0])
+    if ratio.reason and not bends:
         return ratio
     with np.errstate(invalid="ignore"):
         own = np.isfinite(group) & (group > 0) & (group_error < 0.1 * group)
     if own.sum() < _FEWEST_FREQUENCIES:
-        return replace(ratio, reason=NOT_KNOWN)
+        return ratio if bends else replace(ratio, reason=NOT_KNOWN)
     v, f = group[own], omega[own] / (2 * np.pi)
     slope = float(np.polyfit(f, 1 / v, 1, w=v**2 / group_error[own])[0])
     apart = abs(slope) * float(f.mean()) * float(np.mean(v))
@@ -309,7 +310,7 @@ def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error
         inverse_error=float(np.hypot(ratio.inverse_error, apart * ratio.inverse)),
     )
     if apart <= _CONSTANT:
-        if widened.inverse > 2 * widened.inverse_error:
+        if bends or widened.inverse > 2 * widened.inverse_error:
             return widened
         least = 1 / max(max(ratio.inverse, 0.0) + 2 * widened.inverse_error, 1e-300)
         return replace(widened, quality=np.nan, error=np.nan, reason=UNSEEN.format(least))
