@@ -84,7 +84,7 @@ def spectrum(one: Recovered) -> Figure:
     axes.set(
         xlabel=f"k (rad/{k_unit})", ylabel=f"ω/2π ({f_unit})", xlim=(0, None), ylim=(0, top * to_f)
     )
-    axes.set_title(f"{as_written(one.origin.name)}: {METHODS[points.method]}", y=1.01)
+    axes.set_title(f"{style.name_in_title(one.origin.name)}: {METHODS[points.method]}", y=1.01)
     figure.colorbar(image, ax=axes, label="power (dB)", pad=0.03)
     style.set_out(figure, right=0.3)
     return figure
@@ -115,7 +115,7 @@ def residuals(one: Recovered) -> Figure:
         axes.set_title(title, y=1.01)
         axes.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel("|Δω|/ω")
-    figure.suptitle(as_written(one.origin.name))
+    figure.suptitle(style.name_in_title(one.origin.name))
     style.set_out(figure, left=0.95)
     return figure
 
@@ -162,9 +162,8 @@ def attenuation(one: Recovered) -> Figure:
             room = 0.12 * max(float(np.ptp(shown)), 1e-300)
             axes.set_ylim(shown.min() - room, shown.max() + room)
     real.set_xlabel(f"ω/2π ({f_unit})")
-    loss.set_title(
-        f"{as_written(one.origin.name)}: k at ω + iσ, σ = {points.omega.imag[0]:.3g} rad/s", y=1.01
-    )
+    name, sigma = style.name_in_title(one.origin.name), points.omega.imag[0]
+    loss.set_title(f"{name}: k at ω + iσ, σ = {sigma:.3g} rad/s", y=1.01)
     style.set_out(figure, columns=4)
     return figure
 
@@ -188,7 +187,7 @@ def wavenumber_residuals(one: Recovered) -> Figure:
     axes.plot(points.omega.real * to_f, bar, color=THEORY, lw=0.9, label="95 % bar")
     style.decades(axes)
     axes.set(xlabel=f"ω/2π ({f_unit})", ylabel="|Δk|/|k|")
-    axes.set_title(as_written(one.origin.name), y=1.01)
+    axes.set_title(style.name_in_title(one.origin.name), y=1.01)
     axes.grid(alpha=0.25, lw=0.5)
     style.set_out(figure, left=0.95)
     return figure
@@ -268,7 +267,7 @@ def phase_velocity(one: Recovered) -> Figure:
         xlabel=f"frequency ({unit})", ylabel="phase velocity (m/s)",
         xlim=(omega[0] * to_f, omega[-1] * to_f), ylim=(slow, fast),
     )  # fmt: skip
-    axes.set_title(f"{as_written(one.origin.name)}: phases in line, B(f, c)", y=1.01)
+    axes.set_title(f"{style.name_in_title(one.origin.name)}: phases in line, B(f, c)", y=1.01)
     figure.colorbar(image, ax=axes, label="B", pad=0.03)
     style.set_out(figure, right=0.3, columns=4)
     return figure

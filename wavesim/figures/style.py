@@ -65,11 +65,15 @@ def symbol(name: str) -> str:
 
 
 def as_written(name: str) -> str:
-    """A name as it is, if need be its ends alone: $ begins no formula, _ keeps it in the legend."""
-    half = _LONGEST // 2
-    shown = name if len(name) <= _LONGEST else f"{name[:half]} … {name[-half:]}"
-    plain = shown.replace("$", r"\$")
+    """A name as it is: $ begins no formula, and _ does not keep it from the legend."""
+    plain = name.replace("$", r"\$")
     return f"\N{THIN SPACE}{plain}" if plain.startswith("_") else plain
+
+
+def name_in_title(name: str) -> str:
+    """A record's name, or its ends where a figure has no room for all of it."""
+    half = _LONGEST // 2
+    return as_written(name if len(name) <= _LONGEST else f"{name[:half]} … {name[-half:]}")
 
 
 def title(blocks: Sequence[Block]) -> str:
