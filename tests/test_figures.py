@@ -144,6 +144,15 @@ def test_figures_of_no_run_give_2_and_one_line(tmp_path, what):
     assert len(result.stderr.splitlines()) == 1
 
 
+def test_a_heading_is_shown_whole_and_a_record_s_name_by_its_ends():
+    """A heading has a page's width, a name in a title that of a figure of 6 inches."""
+    heading = "Band gaps of rotation waves: all twelve waves from one pulse"
+    assert style.as_written(heading) == heading
+    name = style.name_in_title(f"first_{'x' * 80}_last")
+    assert len(name) < 50
+    assert (name[:6], name[-5:]) == ("first_", "_last")
+
+
 def test_a_run_writes_one_picture_and_draws_the_rest_on_demand(small_case, small_run, tmp_path):
     assert (small_run.folder / "overview.png").read_bytes()[1:4] == b"PNG"
     assert not (small_run.folder / "figures").exists()

@@ -353,6 +353,24 @@ def test_places_in_two_axes_are_along_their_line():
             from_arrays({"u": U, "t": T, "xpos": bent})
 
 
+def test_a_length_in_brackets_is_a_place_behind_a_receiver_alone(tmp_path):
+    """A wavelength, a range or a load (1 MΩ) is none."""
+    table = rows(T * 1e6)
+    for names, placed in (
+        (("ch{}", "Channel {}", "sensor_{}"), True),
+        (("laser {}", "range {}", "gain"), False),
+    ):
+        for name in names:
+            headings = ",".join(f"{name.format(j)} ({1e3 * x:g} mm)" for j, x in enumerate(X, 1))
+            path = tmp_path / f"{name.format(0).strip()}.csv"
+            path.write_text(f"t_us,{headings}\n{table}")
+            if placed:
+                same(read(path), x=X)
+                continue
+            with pytest.raises(RecordError, match="no positions"):
+                read(path)
+
+
 @pytest.mark.parametrize("part", [1e-306, 1e40])
 def test_places_whose_squares_are_no_numbers_are_refused_whoever_asks(part):
     with pytest.raises(RecordError, match=r"positions .* give them between"):

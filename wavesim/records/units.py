@@ -161,6 +161,7 @@ def measured_by(name: str) -> str | None:
 
 _PLACE = r"(?:x|r|z|y|pos|position|offset|offs|dist|distance|place|ort|abstand|entfernung)"
 _UNIT = r"(µm|μm|um|mm|cm|dm|km|nm|m|meters?|metres?|inch|in|ft)"
+_RECEIVER = "(?:ch|chan|channel|receiver|sensor|geophone|accelerometer|mic|microphone|gauge|probe)"
 _SAID = (
     # x=0.02, x = 20 mm, x_mm=20, x (mm) = 20, position: 0.02 m
     re.compile(
@@ -173,8 +174,8 @@ _SAID = (
         rf"(?:^|[^A-Za-z])(?:{_PLACE}|@|at|bei)()[\s_]*({NUMBER})\s*{_UNIT}(?![A-Za-z/])",
         re.IGNORECASE,
     ),
-    # ch1 (20 mm)
-    re.compile(rf"[(\[]()\s*({NUMBER})\s*{_UNIT}\s*[)\]]\s*$", re.IGNORECASE),
+    # ch1 (20 mm), of what receives alone: laser (633 nm), range (2 mm), ch1 (1 M) say none
+    re.compile(rf"^(?i:{_RECEIVER})[\s_#-]*\w{{0,3}}\s*[(\[]()\s*({NUMBER})\s*{_UNIT}\s*[)\]]\s*$"),
     # 20 mm and nothing else
     re.compile(rf"^()\s*({NUMBER})\s*{_UNIT}\s*$", re.IGNORECASE),
 )

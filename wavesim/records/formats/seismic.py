@@ -15,9 +15,9 @@ FORMATS = {
     ".sgy": "SEGY", ".segy": "SEGY", ".su": "SU", ".sac": "SAC", ".mseed": "MSEED",
     ".miniseed": "MSEED", ".msd": "MSEED", ".seg2": "SEG2", ".sg2": "SEG2", ".gse": "GSE2",
 }  # fmt: skip
-# Shorter intervals in whole µs, s, may be off by more than a hundredth.
 # What SAC has where nothing is said.
 _UNSET = -12345.0
+# Shorter intervals in whole µs, s, may be off by more than a hundredth.
 _COARSE = 50e-6
 
 
