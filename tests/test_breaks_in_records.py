@@ -261,3 +261,24 @@ def test_frames_lost_where_all_is_quiet_take_nothing_along(gone):
     whole, u[list(gone)] = in_time(record(u, T, X), method="auto"), np.nan
     points = held(in_time(record(u, T, X), method="auto"))
     assert len(points) > 0.9 * whole.valid.sum()
+
+
+def test_noise_of_a_dead_channel_makes_no_clock_jitter():
+    """Eight receivers of a lossy pulse, one of noise alone: it was laid through waves, and left
+    them along their own slope, as a clock would, in one record of ten."""
+    omega = 2 * np.pi * np.fft.rfftfreq(4096, 1e-6)
+    x = 0.03 + 0.005 * np.arange(8)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        tone, speed, loss = rng.uniform([4e4, 1500, 2], [6e4, 3200, 8])
+        w = omega / (2 * np.pi * tone)
+        k = omega / speed * (1 + rng.uniform(-0.04, 0.04) * np.minimum(w, 3))
+        k = k - 1j * loss * np.minimum(w, 3)
+        spectrum = w**2 * np.exp(-(w**2) - 6e-5j * omega)
+        u = np.fft.irfft(spectrum[:, None] * np.exp(-1j * k[:, None] * x), axis=0)[:1200]
+        u = noisy(u / np.abs(u).max(), 3e-3)
+        dead = int(rng.integers(1, 7))
+        u[:, dead] = 1e-4 * rng.normal(size=len(u))
+        found = record(u, 1e-6 * np.arange(1200), x)
+        assert x[dead] not in found.x
+        assert len(found.x) == 7

@@ -21,6 +21,8 @@ _MOST_HELD, _AGAIN = 16, 8
 # A frame is told by so many on either side; it moves where both of so many deviate by so many times
 # the noise, at this part of so many receivers and more.
 _SIDE, _ABOUT, _MOVES, _RECEIVERS, _MOVING, _HALF = 3, 16, 6.0, 64, 3, 0.5
+# What hears no wave deviates by so much more power than the median receiver.
+_DEAF = 10.0
 # Of more samples fewer receivers are looked at.
 _SAMPLES = 2**22
 # What is off there is so many times noise and, of one, of all, what is within so many frames; at
@@ -170,11 +172,12 @@ def check_clock(u: Float) -> None:
 def _deviations(u: Float) -> tuple[Float, Float, Float]:
     """What frames differ by from what those beside them tell.
 
-    u_i ≈ Σ_m c_m (u_{i−m} + u_{i+m}), with one c by least squares for the record.
+    u_i ≈ Σ_m c_m (u_{i−m} + u_{i+m}), with one c by least squares for the record. Receivers of
+    noise alone, which is ten times and more as far from that, are left out: it would take c along.
 
     Returns:
-        Some receivers, each over its rms; deviations of all frames but so many at the ends, none
-        of a record of few; c.
+        Some receivers that hear waves, each over its rms; deviations of all frames but so many at
+        the ends, none of a record of few; c.
     """
     some = min(_RECEIVERS, max(2 * _MOVING, _SAMPLES // len(u)))
     u = u[:, :: -(-u.shape[1] // some)]
@@ -185,13 +188,17 @@ def _deviations(u: Float) -> tuple[Float, Float, Float]:
     beside = np.stack([u[side - m : count - side - m] + u[side + m : count - side + m]
                        for m in range(1, side + 1)], axis=-1)  # fmt: skip
     own, kept = u[side:-side], np.ones(count - 2 * side, bool)
+    hears = np.ones(u.shape[1], bool)
     for _ in range(3):
+        u, own, beside = u[:, hears], own[:, hears], beside[:, hears]
         a = beside[kept].reshape(-1, side)
         normal = a.T @ a + 1e-12 * np.sum(a**2) * np.eye(side) + 1e-290 * np.eye(side)
         c = np.linalg.solve(normal, a.T @ own[kept].ravel())
         off = own - beside @ c
         size = np.sum(off**2, axis=1)
         kept = size <= np.quantile(size, 0.97)
+        each = np.sum(off**2, axis=0)
+        hears = each <= _DEAF * np.median(each)
     return u, off, c
 
 
