@@ -104,3 +104,17 @@ def test_records_of_noise_alone_in_a_series_are_told_so(sound):
     readings, _ = read_series(records, L, {}, "stress (kPa)", STRESS.tolist(), Wanted("S"))
     assert [one.best.valid for one in readings] == [i < sound for i in range(5)]
     assert all("out of the noise" in one.best.reason for one in readings[sound:])
+
+
+@pytest.mark.parametrize("part", [2.0, 1 / 1.8])
+def test_a_record_of_another_distance_or_wave_is_not_read_as_of_the_series(part):
+    """Its wave comes at twice the time, or as a P wave would: the law of the others, which pulls
+    it to their arrival, is no evidence of one."""
+    part = np.where(np.arange(5) == 2, part, 1.0)
+    records = [
+        of(i, 1.2e4, [(a * T, 1.0)]) for i, (a, T) in enumerate(zip(part, TIME, strict=True))
+    ]
+    readings, series = read_series(records, L, {}, "stress (kPa)", STRESS.tolist(), Wanted("S"))
+    assert [one.best.valid for one in readings] == [True, True, False, True, True]
+    assert readings[2].best.reason.startswith("by itself it shows another direct wave")
+    assert series.law.b == pytest.approx(0.25, abs=0.03)

@@ -26,7 +26,7 @@ from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.sent_signal import sent_period
 from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
-from wavesim.readings.pulse.wave_packets import Packet
+from wavesim.readings.pulse.wave_packets import BEGUN, RIVAL, Packet
 
 Float = NDArray[Any]
 
@@ -41,8 +41,9 @@ _TRUST = 0.15
 _BURST = 1.6
 # Frequencies sent are two where their logarithms are so far apart.
 _OTHER_FREQUENCY = 0.05
-# The weight of the direct wave that a record shows by itself, and how near it counts, in periods.
-_ALONE, _NEAR = 0.2, 0.25
+# The weight of the direct wave that a record shows by itself, and how near it counts, in periods;
+# farther apart than the last two waves are no longer the same.
+_ALONE, _NEAR, _APART = 0.2, 0.25, 0.6
 # The packet about its break, in periods.
 _PACKET = (-0.5, 1.5)
 # Neighbours up to so far apart vote.
@@ -52,6 +53,9 @@ _REACH = 3
 _TURNED, _ABOUT = 0.05, 0.9
 # Correlations from here on count.
 LEAST_CORRELATION = 0.4
+# A record is of another set-up where what was followed is no likely direct wave of its own, as in
+# most records of the series it is; it then correlates less with its neighbours, by so much.
+_LIKELY, _LESS = 0.5, 0.05
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
 STRESS_POWER = 0.27
 
@@ -154,6 +158,38 @@ def in_noise(record: TransmissionRecord, begins: float) -> bool:
     packet = (after > _PACKET[0] * record.period) & (after < _PACKET[1] * record.period)
     loudest = float(envelope(record.got)[packet].max(initial=0.0))
     return loudest < HEARD * record.noise_in_band
+
+
+def of_another_set_up(
+    found: Followed,
+    heard: Sequence[list[Packet]],
+    likely: Sequence[Float],
+    delay: float,
+    period: Float,
+) -> NDArray[np.bool_]:
+    """Records of another distance, wave or sensor, which have no part in a series, shape (n,).
+
+    Each shows a direct wave by itself, and what was followed through the series is none such there.
+
+    Args:
+        found: the arrivals.
+        heard, likely: packets of each record, and how likely each is the direct wave.
+        delay: of the system, s.
+        period: of each record's central frequency, shape (n,), s.
+    """
+    own = np.full(len(heard), np.nan)
+    for i, (packets, weights) in enumerate(zip(heard, likely, strict=True)):
+        begins, reach = float(found.time[i]) + delay, _APART * float(period[i])
+        there = [
+            abs(one.begins - begins) < reach
+            or one.begins - BEGUN * period[i] <= begins <= one.top
+            for one in packets
+        ]  # fmt: skip
+        if packets:
+            own[i] = np.max(weights, initial=0.0, where=np.array(there))
+    if not np.nanmedian(own) > _LIKELY:
+        return np.zeros(len(heard), bool)
+    return (own < RIVAL) & (found.correlation < np.median(found.correlation) - _LESS)
 
 
 class _Signal:

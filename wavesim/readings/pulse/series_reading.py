@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from wavesim.readings.pulse.series import (
     clearest,
     follow,
     in_noise,
+    of_another_set_up,
 )
 from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
@@ -52,6 +53,10 @@ _POWER_LEFT, _ANY_POWER = (0.0, 0.1), (0.0, 0.4)
 _LOOSE = 1000.0
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
+ANOTHER = (
+    "by itself it shows another direct wave than the series': was the distance, the wave or a "
+    "sensor another? --distance takes one for each record; else read it alone"
+)
 UNLIKE_MOST = (
     "most records of the series show no wave of this one's, or it lies within their crosstalk: "
     "shield and ground both sides, or look whether they are of one set-up"
@@ -151,8 +156,14 @@ def _read(
     found = follow(records, order, reference, arrival, delay, on_line, begun, bool(waves))
     rivals = _rivals(records, heard, waves, found, delay, wanted)
     each = _followed(records, found, begun, delays, order)
-    parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
     period = np.array([one.period for one in records])
+    likely = [likelihoods(one, delay, wanted.wave) for one in heard]
+    other = of_another_set_up(found, heard, likely, delay, period)
+    each = [
+        replace(one, reason=ANOTHER if no else one.reason)
+        for one, no in zip(each, other, strict=True)
+    ]
+    parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
     # What a set-up leaves open it leaves open in most of its records, as many periods of each.
     open_ = np.array([[part for part, _ in own] for own in parts]) / period[:, None]
     usual = np.median(open_, axis=0) * period[:, None]
