@@ -26,7 +26,7 @@ from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.sent_signal import sent_period
 from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
-from wavesim.readings.pulse.wave_packets import BEGUN, RIVAL, Packet
+from wavesim.readings.pulse.wave_packets import RIVAL, Packet, breaks_about
 
 Float = NDArray[Any]
 
@@ -179,15 +179,13 @@ def of_another_set_up(
     """
     own = np.full(len(heard), np.nan)
     for i, (packets, weights) in enumerate(zip(heard, likely, strict=True)):
-        begins, reach = float(found.time[i]) + delay, _APART * float(period[i])
-        there = [
-            abs(one.begins - begins) < reach
-            or one.begins - BEGUN * period[i] <= begins <= one.top
-            for one in packets
-        ]  # fmt: skip
+        begins, T = float(found.time[i]) + delay, float(period[i])
+        there = [abs(one.begins - begins) < _APART * T or breaks_about(one, begins, T)
+                 for one in packets]  # fmt: skip
         if packets:
             own[i] = np.max(weights, initial=0.0, where=np.array(there))
-    if not np.nanmedian(own) > _LIKELY:
+    shown = own[np.isfinite(own)]
+    if not len(shown) or np.median(shown) <= _LIKELY:
         return np.zeros(len(heard), bool)
     return (own < RIVAL) & (found.correlation < np.median(found.correlation) - _LESS)
 

@@ -51,7 +51,7 @@ _NO_LARGER = 0.9
 # What is not faint ahead of a wave known as P.
 _FAINT, _BEFORE_P = 0.15, 0.1
 # A packet breaks no longer before it rises, in periods, and no longer after.
-_RISES, BEGUN = 0.42, 0.2
+_RISES, _BEGUN = 0.42, 0.2
 # Another packet may be the direct one as well from this part of its likelihood on.
 RIVAL = 0.2
 # What is sent is a burst from this many periods on; tops of one burst are this near, in periods,
@@ -172,10 +172,14 @@ def _bursts_whole(found: list[Packet], record: TransmissionRecord) -> list[Packe
     return whole
 
 
+def breaks_about(one: Packet, begins: float, period: float) -> bool:
+    """Whether a packet breaks about a time and rises after it, s."""
+    return one.begins - _BEGUN * period <= begins <= one.top
+
+
 def breaking(found: Sequence[Packet], begins: float, period: float) -> Packet | None:
     """The packet that breaks about a time and rises after it, s."""
-    own = (one for one in found if one.begins - BEGUN * period <= begins <= one.top)
-    return next(own, None)
+    return next((one for one in found if breaks_about(one, begins, period)), None)
 
 
 def hidden_by_noise(record: TransmissionRecord) -> float:
@@ -328,7 +332,7 @@ def hides_two(one: Packet, record: TransmissionRecord) -> bool:
 
 def begun_before(one: Packet, record: TransmissionRecord) -> bool:
     """Whether a packet had risen before the break that is seen, as where a wave runs into it."""
-    return rises(one, record) + record.rise - one.begins < -BEGUN * record.period
+    return rises(one, record) + record.rise - one.begins < -_BEGUN * record.period
 
 
 def direct(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> int | None:
