@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -235,3 +237,21 @@ def test_receivers_of_two_kinds_in_turn_are_told_from_two_waves(differ):
     assert len(own) == len(k)
     assert (np.abs(own.omega - omega) <= 2 * own.bar).all()
     assert in_time(record(u, T, x, ring=True, lattice=True)).valid.sum() >= 2 * len(k) - 2
+
+
+@pytest.mark.parametrize(("count", "late"), [(16, 3), (32, 1)])
+def test_a_late_half_of_a_ring_of_few_lines_is_found(count, late):
+    """Few waves take a part of the jump of their phase along, at its place and beside it alike."""
+    rng = np.random.default_rng(count)
+    x, k = np.arange(count) * 1e-3, 2 * np.pi * np.arange(1, count // 4) / (count * 1e-3)
+    k, at = k[:7], T[:450, None] - 2e-7 * late * (np.arange(count) >= count // 2)
+    u = np.zeros(at.shape)
+    for q in k:
+        for sign, phase in zip((1, -1), rng.uniform(0, 2 * np.pi, 2), strict=True):
+            u += np.cos(sign * q * x - 4e6 * np.sin(5e-4 * q) * at + phase)
+    u = u / np.abs(u).max() + 1e-3 * rng.normal(size=u.shape)
+    with pytest.raises(RecordError) as told:
+        record(u, T[:450], x, ring=True, quiet_from=0.0)
+    said = re.search(r"are ([\d.]+) frames later than those before", str(told.value))
+    assert said is not None
+    assert float(said[1]) == pytest.approx(late, rel=0.1)
