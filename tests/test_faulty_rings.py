@@ -7,7 +7,7 @@ import pytest
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.records.fitness import for_frequency_at_k
-from wavesim.records.record import record
+from wavesim.records.record import RecordError, record
 
 X, T = np.arange(64) * 1e-3, np.arange(600) * 2e-7
 BRANCHES = (lambda k: 2000.0 * k, lambda k: np.sqrt(2e6**2 + (1500 * k) ** 2))
@@ -211,3 +211,27 @@ def test_a_line_whose_frequency_moves_is_no_pair_of_waves():
     mean = 1e6 * np.sin(own.k * 5e-4) * (1 - 0.002 * t[225] / t[-1])
     assert len(own) >= 16
     assert np.mean(np.abs(own.omega - mean) <= own.bar) >= 0.85
+
+
+@pytest.mark.parametrize("differ", ["sensors", "clocks"])
+def test_receivers_of_two_kinds_in_turn_are_told_from_two_waves(differ):
+    """Every other one shows H(ω) of a wave: both stand at k and at π/d − k. Half of them are right;
+    a lattice of two sites in a cell shows it too, and there both wavenumbers are its waves'."""
+    rng, count = np.random.default_rng(11), 32
+    x, k = np.arange(count) * 1e-3, 2 * np.pi * np.arange(1, 8) / 0.032
+    omega = 4e6 * np.sin(5e-4 * k)
+    H = 1 / (1 - (omega / 2e6) ** 2 - 0.6j * omega / 2e6)
+    H = np.exp(2e-7j * omega) if differ == "clocks" else H / np.abs(H).mean()
+    u = np.zeros((len(T), count))
+    for sign in (1, -1):
+        wave = np.exp(1j * (sign * np.outer(k, x) + rng.uniform(0, 2 * np.pi, len(k))[:, None]))
+        tones = np.exp(-1j * np.outer(T, omega))
+        u += np.where(np.arange(count) % 2, ((tones * H) @ wave).real, (tones @ wave).real)
+    u = u / np.abs(u).max() + 1e-3 * rng.normal(size=u.shape)
+    with pytest.raises(RecordError, match="two kinds in turn"):
+        in_time(record(u, T, x, ring=True))
+    found = in_time(record(u[:, ::2], T, x[::2], ring=True))
+    own = found.take(found.valid)
+    assert len(own) == len(k)
+    assert (np.abs(own.omega - omega) <= 2 * own.bar).all()
+    assert in_time(record(u, T, x, ring=True, lattice=True)).valid.sum() >= 2 * len(k) - 2
