@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.records.fitness import for_frequency_at_k
-from wavesim.records.record import record
+from wavesim.records.record import RecordError, record
 
 X, T = np.arange(64) * 1e-3, np.arange(600) * 2e-7
 BRANCHES = (lambda k: 2000.0 * k, lambda k: np.sqrt(2e6**2 + (1500 * k) ** 2))
@@ -211,3 +213,45 @@ def test_a_line_whose_frequency_moves_is_no_pair_of_waves():
     mean = 1e6 * np.sin(own.k * 5e-4) * (1 - 0.002 * t[225] / t[-1])
     assert len(own) >= 16
     assert np.mean(np.abs(own.omega - mean) <= own.bar) >= 0.85
+
+
+@pytest.mark.parametrize("differ", ["sensors", "clocks"])
+def test_receivers_of_two_kinds_in_turn_are_told_from_two_waves(differ):
+    """Every other one shows H(ω) of a wave: both stand at k and at π/d − k. Half of them are right;
+    a lattice of two sites in a cell shows it too, and there both wavenumbers are its waves'."""
+    rng, count = np.random.default_rng(11), 32
+    x, k = np.arange(count) * 1e-3, 2 * np.pi * np.arange(1, 8) / 0.032
+    omega = 4e6 * np.sin(5e-4 * k)
+    H = 1 / (1 - (omega / 2e6) ** 2 - 0.6j * omega / 2e6)
+    H = np.exp(2e-7j * omega) if differ == "clocks" else H / np.abs(H).mean()
+    u = np.zeros((len(T), count))
+    for sign in (1, -1):
+        wave = np.exp(1j * (sign * np.outer(k, x) + rng.uniform(0, 2 * np.pi, len(k))[:, None]))
+        tones = np.exp(-1j * np.outer(T, omega))
+        u += np.where(np.arange(count) % 2, ((tones * H) @ wave).real, (tones @ wave).real)
+    u = u / np.abs(u).max() + 1e-3 * rng.normal(size=u.shape)
+    with pytest.raises(RecordError, match="two kinds in turn"):
+        in_time(record(u, T, x, ring=True))
+    found = in_time(record(u[:, ::2], T, x[::2], ring=True))
+    own = found.take(found.valid)
+    assert len(own) == len(k)
+    assert (np.abs(own.omega - omega) <= 2 * own.bar).all()
+    assert in_time(record(u, T, x, ring=True, lattice=True)).valid.sum() >= 2 * len(k) - 2
+
+
+@pytest.mark.parametrize(("count", "late"), [(16, 3), (32, 1)])
+def test_a_late_half_of_a_ring_of_few_lines_is_found(count, late):
+    """Few waves take a part of the jump of their phase along, at its place and beside it alike."""
+    rng = np.random.default_rng(count)
+    x, k = np.arange(count) * 1e-3, 2 * np.pi * np.arange(1, count // 4) / (count * 1e-3)
+    k, at = k[:7], T[:450, None] - 2e-7 * late * (np.arange(count) >= count // 2)
+    u = np.zeros(at.shape)
+    for q in k:
+        for sign, phase in zip((1, -1), rng.uniform(0, 2 * np.pi, 2), strict=True):
+            u += np.cos(sign * q * x - 4e6 * np.sin(5e-4 * q) * at + phase)
+    u = u / np.abs(u).max() + 1e-3 * rng.normal(size=u.shape)
+    with pytest.raises(RecordError) as told:
+        record(u, T[:450], x, ring=True, quiet_from=0.0)
+    said = re.search(r"are ([\d.]+) frames later than those before", str(told.value))
+    assert said is not None
+    assert float(said[1]) == pytest.approx(late, rel=0.1)

@@ -766,3 +766,51 @@ def test_traces_of_sac_count_from_the_event(tmp_path):
     for j, first in enumerate(cut):
         assert np.isnan(found.arrays["values"][:first, j]).all()
         assert found.arrays["values"][first:, j] == pytest.approx(u[first:, j], abs=1e-6)
+
+
+SLOW, FAST = 2e-7 * np.arange(1500), 1.3e-7 * np.arange(1500) + 0.4e-7
+
+
+def burst(t, x):
+    """A pulse about 150 kHz at 1500 m/s, and a tone of 3 MHz that the slower clock can't hold."""
+    late = (t - 4e-5 - x / 1500) * 1.5e5
+    return np.exp(-(late**2)) * np.cos(2 * np.pi * late), np.cos(2 * np.pi * 3e6 * t)
+
+
+@pytest.mark.parametrize("kind", ["csv", "unnamed", "npz", "files"])
+def test_channels_of_two_rates_are_put_on_the_slower(tmp_path, kind):
+    """What both rates can hold is kept, whatever else the faster one has heard."""
+    times = [(SLOW, FAST)[j % 2] for j in range(6)]
+    x = 0.01 + 0.007 * np.arange(6)
+    signals = [sum(burst(t, p)) if t is FAST else burst(t, p)[0]
+               for t, p in zip(times, x, strict=True)]  # fmt: skip
+    path = [tmp_path / f"two{j}.csv" for j in range(6)] if kind == "files" else tmp_path / "two.csv"
+    layout = Layout(positions=list(x))
+    if kind == "files":
+        for one, t, v in zip(path, times, signals, strict=True):
+            many = slice(None) if t is FAST else slice(1000)  # each with frames of its own
+            np.savetxt(one, np.c_[t, v][many], "%.12g", ",", header="t_s,u", comments="")
+    elif kind == "npz":
+        path = path.with_suffix(".npz")
+        np.savez(path, t=np.stack(times, 1), u=np.stack(signals, 1), x=x)
+    else:
+        named = kind == "csv"
+        head = ",".join(f"t{j} (us),x={1e3 * p:g} mm" if named else f"a{j},b{j}"
+                        for j, p in enumerate(x))  # fmt: skip
+        unit = 1e6 if named else 1.0
+        columns = [c for t, v in zip(times, signals, strict=True) for c in (t * unit, v)]
+        np.savetxt(path, np.stack(columns, 1), "%.12g", ",", header=head, comments="")
+        layout = Layout() if named else layout
+    found = read(path, layout)
+    assert found.x == pytest.approx(x)
+    assert found.t == pytest.approx(SLOW[1 : len(found.t) + 1], rel=1e-9)
+    assert 900 < len(found.t) < 1000
+    truth = np.stack([burst(found.t, p)[0] for p in x], 1)
+    assert np.abs(found.values[0] - truth)[60:-60].max() < 3e-4
+    assert any("Nyquist" in note and "3 with up to 1.54 times" in note for note in found.notes)
+
+
+def test_channels_of_two_rates_that_hardly_overlap_are_refused():
+    t = np.stack([SLOW, FAST + 2.9e-4], 1)
+    with pytest.raises(RecordError, match="differ in rate, and the slowest has 49 frames"):
+        record(np.stack([burst(one, 0.0)[0] for one in t.T], 1), t, [0.0, 0.01])

@@ -39,9 +39,10 @@ _THERE = 0.01
 _EVENLY, _MANY_MOVED, _MOST_SEEN = 0.3, 0.3, 0.8
 # Phases jump between two sides of so many receivers or more, where that leaves this part of what
 # waves without the jump do, that this part of all at least, and the mean cosine of what is over is
-# 1 but for this, and so many times the noise; phases are tried so many, of each so many
-# frequencies one, at so many places first.
+# 1 but for this, and so many times the noise; phases are tried so many, at first every other, of
+# each so many frequencies one, at so many places first; then so many between two of them.
 _SIDE, _JUMPS, _LEAST, _SURE, _OF_NOISE, _FINE, _EACH, _PLACES = 3, 0.1, 2e-3, 0.1, 4.0, 16, 3, 64
+_BETWEEN = 8
 
 
 def begun(component: Float, rest: Rest) -> Mask:
@@ -228,37 +229,41 @@ def jump(
     waves, good = waves_of or along_line(x), np.ones(many, bool)
 
     def left(first: int, turns: Float, each: int = 1) -> Float:
-        """Part of the power with those from one on turned back, at each φ and some ω."""
+        """Part of the power with those from one on turned back, at each φ, or each ω its own."""
         behind = np.arange(many) >= first
         # Standing waves round a ring are not alike loud from one receiver to the next.
         beside = np.abs(U[:, first - 2 : first + 2])
         size = 1.0 if waves_of else np.median(beside[:, :2]) / np.median(beside[:, 2:])
-        turned = np.where(behind, size * np.exp(-1j * turns)[:, None, None], 1)
-        V = (U[::each] * turned).reshape(-1, many)
+        turns = turns.reshape(len(turns), -1, 1)
+        V = U[::each] * np.where(behind, size * np.exp(-1j * turns), 1)
+        V = V.reshape(-1, many)
         power = np.mean(np.abs(V) ** 2, axis=1)
         return np.asarray((waves(V, good)[1] / power).reshape(len(turns), -1))
 
     told = waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1)
     if np.median(told) < _LEAST or np.median(told / noise) < _OF_NOISE:
         return None
-    coarse = np.arange(0, 2 * np.pi, np.pi / 2)
+    fine = np.arange(_FINE) * 2 * np.pi / _FINE
 
-    def best(places: range) -> int:
-        return min(places, key=lambda j: float(np.median(left(j, coarse, _EACH).min(axis=0))))
+    def best(places: range, phases: Float) -> int:
+        return min(places, key=lambda j: float(np.median(left(j, phases, _EACH).min(axis=0))))
 
     # A side that is a few receivers too long leaves little too.
     step, most = -(-many // _PLACES), many - _SIDE
-    first = best(range(_SIDE, most + 1, step))
-    first = (
-        best(range(max(first - step, _SIDE), min(first + step, most) + 1)) if step > 1 else first
-    )
-    fine = np.arange(_FINE) * 2 * np.pi / _FINE
+    first = best(range(_SIDE, most + 1, step), fine[::2])
+    first = best(range(max(first - step, _SIDE), min(first + step, most) + 1), fine)
     seen = left(first, fine)
+    about = fine[seen.argmin(axis=0)] + np.linspace(-fine[1], fine[1], _BETWEEN + 1)[:, None] / 2
+    fine, seen = (
+        np.vstack([np.broadcast_to(fine[:, None], seen.shape), about]),
+        np.vstack([seen, left(first, about)]),
+    )
     tells = seen.min(axis=0) < _JUMPS * seen[0]
     less = np.median(seen.min(axis=0)) < _JUMPS * np.median(seen[0])
     if not less or tells.sum() < _SIDE:
         return None
-    phase, omega = fine[seen[:, tells].argmin(axis=0)], omega[tells]
+    phase = np.take_along_axis(fine, seen.argmin(axis=0)[None], axis=0)[0, tells]
+    omega = omega[tells]
     late = delay_of(phase, omega)
     turned = bool(np.mean(np.cos(phase)) < _SURE - 1)
     if not turned and np.mean(np.cos(phase - omega * late)) < 1 - _SURE:

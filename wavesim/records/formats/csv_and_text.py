@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wavesim.records.axes import INTERVALS, RATES, STARTS
 from wavesim.records.content import Content, RecordError
 from wavesim.records.evenness import unrounded
-from wavesim.records.faults.clock import on_clock
+from wavesim.records.faults.clock import on_one_clock
 from wavesim.records.formats.text_table import Table, read_table
 from wavesim.records.units import (
     NUMBER,
@@ -224,6 +224,7 @@ def _clocks(table: Table, kept: list[int], counted: bool) -> list[int]:
     named = [
         c for c in kept
         if is_time(table.headings[c]) or factor(table.units[c], "time") is not None
+        or (unit_in(table.headings[c], "time") and _rises(table.data[:, c]))
         or (not table.headings[c].strip() and c == kept[0] and _ascends(table.data[:, c]))
     ]  # fmt: skip
     if (
@@ -234,16 +235,21 @@ def _clocks(table: Table, kept: list[int], counted: bool) -> list[int]:
         named = [kept[0]]
     if not named:
         return []
-    # One for each channel: unnamed columns that rise as evenly as the first, every other one.
-    first = table.data[:, named[0]]
+    # One for each channel: columns that rise evenly, every other one, as no wave does.
+    other = [c for c in kept if c >= named[0] and (c - named[0]) % 2 == 0]
     alike = [
-        c for c in kept
-        if c not in named and (c - named[0]) % 2 == 0 and _ascends_evenly(table.data[:, c])
-        and position_in(table.headings[c]) is None
-        and np.isclose(np.nanmedian(np.diff(table.data[:, c])), np.nanmedian(np.diff(first)),
-                       rtol=0.05)
+        c for c in other
+        if position_in(table.headings[c]) is None and _ascends_evenly(table.data[:, c])
     ]  # fmt: skip
+    steps = {c: float(np.nanmedian(np.diff(table.data[:, c]))) for c in (named[0], *alike)}
+    if len(alike) < len(other):
+        alike = [c for c in alike if np.isclose(steps[c], steps[named[0]], rtol=0.05)]
     return sorted({*named, *alike})
+
+
+def _rises(column: NDArray[Any]) -> bool:
+    steps = np.diff(column[np.isfinite(column)])
+    return len(steps) > 0 and bool((steps > 0).all())
 
 
 def _ascends(column: NDArray[Any]) -> bool:
@@ -266,28 +272,16 @@ def _ascends_evenly(column: NDArray[Any]) -> bool:
 def _one_clock(
     table: Table, clocks: list[int], channels: list[int], arrays: dict[str, NDArray[Any]]
 ) -> list[str]:
-    """Channels with clocks of their own, put on the first clock."""
-    first = table.data[:, clocks[0]]
-    step = float(np.nanmedian(np.diff(first)))
-    moved = 0
-    for j, c in enumerate(channels):
-        before = [k for k in clocks if k < c]
-        clock = before[-1] if before else clocks[0]
-        own = table.data[:, clock] * (_seconds_of(table, clock) / _seconds_of(table, clocks[0]))
-        if not np.nanmax(np.abs(own - first)) > 1e-3 * step:
-            continue
-        there = np.isfinite(own)
-        if there.sum() < 4 or not (np.diff(own[there]) > 0).all():
-            raise RecordError(
-                f"column {table.columns[clock]}: the times of column "
-                f"{table.columns[c]} do not ascend; sort them, or give --interval"
-            )
-        arrays["values"][:, j] = on_clock(arrays["values"][there, j], own[there], first)
-        moved += 1
+    """Channels with clocks of their own, put on one."""
     text = f"{len(clocks)} columns are clocks, not receivers"
-    if moved:
-        text += f"; {moved} channels put on the first clock by a cubic spline"
-    return [text]
+    before = [max((k for k in clocks if k < c), default=clocks[0]) for c in channels]
+    unit = _seconds_of(table, clocks[0])
+    own = [table.data[:, k] * (_seconds_of(table, k) / unit) for k in before]
+    values, t, _, said = on_one_clock(arrays["values"][None], np.stack(own, axis=1))
+    if not said:
+        return [text]
+    arrays["values"], arrays["t"] = values[0], t
+    return [f"{text}; channels put on one: {said}"]
 
 
 def _seconds_of(table: Table, clock: int) -> float:
