@@ -8,7 +8,7 @@ from test_waves_along_line import passing
 
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import wavenumber
-from wavesim.readings.dispersion.folding import folded_branches
+from wavesim.readings.dispersion.folding import folded_branches, through_zero
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.spreading import exponent, spreads
@@ -359,3 +359,38 @@ def test_two_modes_are_refused_where_receivers_are_too_few_to_tell_them(second, 
             if modes == 1
             else (not points.valid.any())
         )
+
+
+@pytest.mark.parametrize(
+    ("power", "spacing", "cycles", "count"), [(0.57, 3.24, 1.5, 18), (0.5, 2.53, 3, 21)]
+)
+def test_a_curved_mode_that_comes_from_beyond_zero_is_folded_where_it_is_weak_too(
+    power, spacing, cycles, count
+):
+    """k ∝ ω^p by receivers three wavelengths apart: at a tenth to a third of the burst's frequency
+    k is seen at k − 2π/d, as a mode from near 0 to π/d, and nothing is joined to it below."""
+    f, speed, n = 2e4, 500.0, 8192
+    x = speed / f * (1 + spacing * np.arange(count))
+    t = np.arange(n) / f / 15
+    omega = 2 * np.pi * np.fft.rfftfreq(n, t[1])
+    k = 2 * np.pi * f / speed * (omega / (2 * np.pi * f)) ** power
+    burst = np.sin(2 * np.pi * f * t) * np.sin(np.pi * np.minimum(f * t / cycles, 1)) ** 2
+    u = np.fft.irfft(np.fft.rfft(burst)[:, None] * np.exp(-1j * k[:, None] * x), n, axis=0)
+    u = u[: int(15 * (1.3 * power * x[-1] / speed * f + cycles + 6))]
+    u = u / np.abs(u).max() + 1e-4 * np.random.default_rng(2).normal(size=u.shape)
+    points = in_time(record(u, t[: len(u)], x, sources=(0.0,)), method="auto")
+    right = 2 * np.pi * f / speed * (points.omega.real / (2 * np.pi * f)) ** power
+    assert (np.abs(points.k / right - 1)[points.valid] < 0.2).all()
+    assert sum(reason.startswith("folded") for reason in points.reason) > 20
+
+
+def test_a_mode_that_halts_at_zero_as_at_a_cut_off_does_not_come_from_beyond_it():
+    """k² ∝ ω² − ω₀², and its mirror image of waves that come back; ω ∝ k; against k² ∝ ω − 2π."""
+    omega = np.linspace(0.5, 2, 61)
+    cut = np.sqrt(np.maximum(omega**2 - 1, 0))
+    seen = omega > 1.01
+    both = np.concatenate([cut[seen], -cut[seen]])
+    own = np.arange(int(seen.sum()))
+    assert not through_zero(own, both, np.concatenate([omega[seen]] * 2), 0.1)
+    assert not through_zero(np.arange(61), omega, omega, 0.1)
+    assert through_zero(np.arange(30, 61), 6 * np.sqrt(omega) - 6, omega, 0.1)

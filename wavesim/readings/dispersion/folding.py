@@ -37,6 +37,9 @@ _FEW = 5
 # A mode goes on by lines through so many points that meet to this part of 2π/d, and after this part
 # of ω at most.
 _PIECE, _MEETS, _SOON = 12, 0.05, 0.1
+# A mode is followed towards k = 0 by lines through so many points, to those off it by less than
+# this part of the last step beside the resolution, over this many steps at most.
+_LINE, _OFF, _BREAK = 4, 0.5, 3.5
 # A branch goes on where points miss its curve by this part of its step in ω, so many on at most;
 # k = 0 is at that end where ω, if that falls to this part of its most, or its slope is by this
 # part less.
@@ -96,6 +99,44 @@ def points_to_zero(k: Float, omega: Float, gap: float) -> bool:
         return False
     _, _, offset, blur = _straight(k, omega)
     return bool(abs(offset) + blur < _TO_ZERO * 2 * np.pi / gap)
+
+
+def through_zero(own: NDArray[Any], k: Float, omega: Float, cell: float) -> bool:
+    """Whether a mode comes from beyond k = 0 without a halt, as none does but at ω = 0.
+
+    ω is even in k, so that dω/dk = 0 at k = 0 (a cut-off); what runs on to k of the other sign is
+    seen at k − 2πn/d. At lower frequencies it may be so weak, or known so badly, that it is of no
+    branch.
+
+    Args:
+        own: points of the mode, ascending in ω.
+        k, omega: of all points, as of :func:`is_folded`.
+        cell: resolution of the line of receivers, 2π/X, rad/m.
+    """
+    steps = np.unique(omega)
+    if len(own) < _FEWEST or len(steps) < _FEWEST:
+        return False
+    sign = np.sign(_straight(k[own], omega[own])[0])
+    step = float(np.diff(steps).min())
+    first = int(np.flatnonzero(np.append(-1.0, sign * k[own]) <= 0)[-1])
+    own = own[first:][:_LINE]
+    if len(own) < 2:
+        return False
+    place, at = (sign * k[own]).tolist(), omega[own].tolist()
+    while place[0] > -cell:
+        slope = np.polyfit(at[:_LINE], place[:_LINE], 1)[0]
+        below = np.flatnonzero((omega < at[0] - step / 2) & (omega > at[0] - _BREAK * step))
+        away = slope * (at[0] - omega[below])
+        off = np.abs(sign * k[below] - place[0] + away)
+        near = np.flatnonzero(off < _OFF * away + cell / 2)
+        if not len(near):
+            return False
+        # The next one, and of several there the nearest.
+        there = near[omega[below[near]] == omega[below[near]].max()]
+        found = below[there[np.argmin(off[there])]]
+        place.insert(0, float(sign * k[found]))
+        at.insert(0, float(omega[found]))
+    return True
 
 
 def folded_branches(

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 
 from wavesim.readings.dispersion.beam import Beams, beams
 from wavesim.readings.dispersion.branch_joining import join
-from wavesim.readings.dispersion.folding import FOLDED, folded_branches, points_to_zero
+from wavesim.readings.dispersion.folding import (
+    FOLDED,
+    folded_branches,
+    points_to_zero,
+    through_zero,
+)
 from wavesim.readings.dispersion.hidden_mode import worth
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import ALONE, CUT, BranchPoints
@@ -117,8 +122,11 @@ def _as_points(
     error = np.hypot(error, np.abs(found.k) * np.hypot(record.spacing_error, record.interval_error))
     speed = at / np.maximum(np.abs(found.k), 1e-290)
     gap = np.pi / highest_wavenumber(x)
-    folded = folded_branches(branch, found.k, at, gap)
     modes = [np.flatnonzero(branch == b) for b in np.unique(np.delete(branch, tones)) if b >= 0]
+    beyond = np.zeros(n, bool)
+    for own in modes:
+        beyond[own] = through_zero(own[np.argsort(at[own])], found.k, at, cell)
+    folded = folded_branches(branch, found.k, at, gap, beyond)
     for own in modes:
         speed[own] = np.abs(slopes(found.k[own], at[own], error[own]))
     # Where the slowest wave is folded, k is one that points to 0, or may be any.
