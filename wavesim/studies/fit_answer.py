@@ -229,8 +229,8 @@ def _reason(
     if beside.residual > LARGEST_RESIDUAL:
         return f"{beside.residual:.0%} of the record is left over: " + (
             otherwise
-            or "the case is another than what was measured, or the first guess too far "
-            "off: begin elsewhere with --set"
+            or "the case is another than what was measured, the record holds as much noise, drift "
+            "or crosstalk beside, or the first guess is too far off: begin elsewhere with --set"
         )
     if not np.isfinite(solution.errors[key]):
         with_it = sorted({k for one in solution.degenerate if key in one for k in one} - {key})
