@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wavesim.readings.pulse.power_law import off_the_law
 from wavesim.readings.pulse.reading import Wanted
 from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.transmission_record import transmission_record
@@ -118,3 +119,28 @@ def test_a_record_of_another_distance_or_wave_is_not_read_as_of_the_series(part)
     assert [one.best.valid for one in readings] == [True, True, False, True, True]
     assert readings[2].best.reason.startswith("by itself it shows another direct wave")
     assert series.law.b == pytest.approx(0.25, abs=0.03)
+
+
+def test_a_record_under_a_wrong_stress_is_told_with_its_speed_and_has_no_part_in_the_law():
+    """The third of six is that of half of the stress that is said of it: its wave is read well
+    by itself, and V = 60 σ^0.25 of the others leaves no doubt that it is not of theirs."""
+    stress = np.geomspace(10, 320, 6)
+    times = L / (60 * (stress * np.where(np.arange(6) == 2, 0.5, 1.0)) ** 0.25)
+    records = [of(i, 1.2e4, [(T, 1.0), (1.5 * T, 0.5)]) for i, T in enumerate(times)]
+    readings, series = read_series(records, L, {}, "stress (kPa)", stress.tolist(), Wanted("S"))
+    assert [one.best.valid for one in readings] == [True, True, False, True, True, True]
+    assert "off the others' law" in readings[2].best.reason
+    assert "a sensor or its stress another" in readings[2].best.reason
+    assert readings[2].best.velocity == pytest.approx(L / times[2], rel=0.05)
+    assert series.law.b == pytest.approx(0.25, abs=0.02)
+
+
+def test_a_law_that_bends_as_where_soil_yields_excludes_none_of_its_records():
+    """V ∝ σ^0.08 below σ = 25 and σ^0.27 above it, 5 % bars; of one power, 12 % off is told."""
+    stress = np.geomspace(2, 160, 9)
+    velocity = 100 * (stress / 25) ** np.where(stress < 25, 0.08, 0.27)
+    assert not off_the_law(stress, velocity, 0.025 * velocity).any()
+    velocity = 100 * stress**0.27 * np.where(np.arange(9) == 5, 1.12, 1.0)
+    off = off_the_law(stress, velocity, 0.025 * velocity)
+    assert (off > 0).tolist() == (np.arange(9) == 5).tolist()
+    assert off.max() == pytest.approx(np.log(1.12), abs=1e-9)

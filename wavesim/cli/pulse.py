@@ -191,7 +191,8 @@ def _readings(
     from wavesim.readings.pulse.one_receiver import read_one
     from wavesim.readings.pulse.reading import Wanted
     from wavesim.readings.pulse.reading import refused as refusal
-    from wavesim.readings.pulse.series_reading import Series, law_of, read_series
+    from wavesim.readings.pulse.series_law import Series, law_of
+    from wavesim.readings.pulse.series_reading import read_series
     from wavesim.readings.pulse.signals import PulseError
     from wavesim.records.of_pulse_test import of_lengths
 

@@ -27,7 +27,7 @@ from wavesim.figures.style import (
 from wavesim.material.shown import DECIBELS, KHZ, in_frequency, in_time, in_wavenumber, with_error
 from wavesim.readings.pulse.measurement import PulseResult
 from wavesim.readings.pulse.reading import Best, Reading
-from wavesim.readings.pulse.series_reading import Series
+from wavesim.readings.pulse.series_law import Series
 
 Gaps = Sequence[tuple[str, float, float]]
 Curve = tuple[NDArray[Any], NDArray[Any]]

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from wavesim.material.shown import DECIBELS, in_frequency, in_time, in_wavenumber, with_error
 from wavesim.readings.pulse.reading import Reading, ReceiverArrivals
-from wavesim.readings.pulse.series_reading import Series
+from wavesim.readings.pulse.series_law import Series
 from wavesim.report.terminal import new_table
 
 _CONVENTIONS = ("first break", "threshold", "envelope", "correlation", "followed")

@@ -7,7 +7,7 @@ from typing import Any
 
 from wavesim.material.shown import plain
 from wavesim.readings.pulse.reading import Reading
-from wavesim.readings.pulse.series_reading import Series
+from wavesim.readings.pulse.series_law import Series
 
 
 def of_reading(one: Reading) -> dict[str, Any]:

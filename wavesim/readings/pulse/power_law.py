@@ -20,6 +20,8 @@ Float = NDArray[Any]
 _AWAY = 4.0
 _LEAST = 0.03
 FEWEST = 3
+# So many others at least show whether a record is of their law, and this part may be of none.
+_OTHERS, _MOST_OFF = 4, 0.4
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,47 @@ def power_law(p: Float, velocity: Float, noise: Float, common: Float) -> PowerLa
     a_error = np.exp(a) * np.sqrt(each**2 * (1 / n + centre**2 / spread) + open_a**2)
     aside = tuple(int(i) for i in np.flatnonzero(own & ~kept))
     return PowerLaw(float(np.exp(a)), float(a_error), float(b), b_error, aside, scatter)
+
+
+def off_the_law(p: Float, velocity: Float, error: Float) -> Float:
+    """How far a record is off a smooth law of the others, in ln V, shape (n,); 0 where it is not.
+
+    It is off where the law V = a pᵇ of the others, robust against what else is off, and the line
+    between its two neighbours both lie outside its 95 % bar, and four times farther than the others
+    scatter. (A law that bends, as where soil yields, leaves its records near the line of their
+    neighbours.)
+
+    Args:
+        p: the parameter, > 0, shape (n,).
+        velocity, error: and its standard error, shape (n,), m/s; NaN where there is none.
+    """
+    from scipy.stats import theilslopes  # slow to import, and only a series needs it
+
+    own = np.isfinite(velocity) & (velocity > 0)
+    x, y = np.log(p), np.log(np.where(own, velocity, 1.0))
+    bar = 1.96 * error / velocity
+    result = np.zeros(len(x))
+    kept = np.flatnonzero(own)
+    kept = kept[np.argsort(x[kept], kind="stable")]
+    while len(kept) > _OTHERS and np.sum(result > 0) < int(_MOST_OFF * own.sum()):
+        off, limit = np.zeros((2, len(kept)))
+        for i, k in enumerate(kept):
+            others = np.delete(kept, i)
+            if np.ptp(x[others]) == 0:
+                continue
+            slope, middle, *_ = theilslopes(y[others], x[others])
+            left = y[others] - middle - slope * x[others]
+            a, b = others[min(max(i, 1), len(others) - 1) - 1 :][:2]
+            part = (x[k] - x[a]) / (x[b] - x[a]) if x[b] > x[a] else 0.5
+            by_law = abs(y[k] - middle - slope * x[k])
+            off[i] = min(by_law, abs(y[k] - y[a] - part * (y[b] - y[a])))
+            limit[i] = max(_AWAY * 1.4826 * float(np.median(np.abs(left))), _LEAST, bar[k])
+        worst = int(np.argmax(off - limit))
+        if not off[worst] > limit[worst]:
+            break
+        result[kept[worst]] = off[worst]
+        kept = np.delete(kept, worst)
+    return result
 
 
 # Lines: of more packets than this only some are tried, two records of it are this part of the range

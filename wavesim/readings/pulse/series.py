@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.power_law import FEWEST
 from wavesim.readings.pulse.sent_signal import sent_period
 from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
@@ -56,6 +57,8 @@ LEAST_CORRELATION = 0.4
 # A record is of another set-up where what was followed is no likely direct wave of its own, as in
 # most records of the series it is; it then correlates less with its neighbours, by so much.
 _LIKELY, _LESS = 0.5, 0.05
+# A wave moves through a series by so many periods at least, where crosstalk does not.
+MOVES = 1.5
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
 STRESS_POWER = 0.27
 
@@ -158,6 +161,15 @@ def in_noise(record: TransmissionRecord, begins: float) -> bool:
     packet = (after > _PACKET[0] * record.period) & (after < _PACKET[1] * record.period)
     loudest = float(envelope(record.got)[packet].max(initial=0.0))
     return loudest < HEARD * record.noise_in_band
+
+
+def in_order(time: Float, period: float) -> bool:
+    """Whether times of records in their order are those of a wave that moves, as crosstalk and
+    chance do not."""
+    steps = np.diff(time)
+    return len(time) >= FEWEST and bool(
+        (np.all(steps < 0) or np.all(steps > 0)) and np.ptp(time) > MOVES * period
+    )
 
 
 def of_another_set_up(

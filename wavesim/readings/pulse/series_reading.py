@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 from wavesim.readings.pulse.common_crosstalk import without_common
 from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
 from wavesim.readings.pulse.one_receiver import NOTHING, arrived, run_into, settled, unheard
-from wavesim.readings.pulse.power_law import FEWEST, Line, PowerLaw, lines, power_law
+from wavesim.readings.pulse.power_law import Line, lines
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
+    MOVES,
     STRESS_POWER,
     Followed,
     clearest,
     follow,
     in_noise,
+    in_order,
     of_another_set_up,
 )
+from wavesim.readings.pulse.series_law import Series, law_of, of_one_law
 from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import REACHED, TravelTime
@@ -54,33 +57,16 @@ _LOOSE = 1000.0
 _STRESSES = ("stress", "pressure", "sigma", "confin", "kpa", "load", "force")
 UNLIKE = "it does not look like its neighbours in the series: look at the record"
 ANOTHER = (
-    "by itself it shows another direct wave than the series': was the distance, the wave or a "
-    "sensor another? --distance takes one for each record; else read it alone"
+    "by itself it shows another direct wave than the series': was the distance, the wave, a sensor "
+    "or its state another? --distance takes one for each record; else read it alone"
 )
 UNLIKE_MOST = (
     "most records of the series show no wave of this one's, or it lies within their crosstalk: "
     "shield and ground both sides, or look whether they are of one set-up"
 )
-# A wave moves through a series by so many periods at least, where crosstalk does not.
-_MOVES = 1.5
 # A wave that this part of a series or more does not show is none, unless the others are in order;
 # what does not stand out of noise is a wave where it correlates so well with its neighbours.
 _MOST_LOST, _SURELY_ALIKE = 0.6, 0.8
-
-
-@dataclass(frozen=True)
-class Series:
-    """A series of readings.
-
-    Attributes:
-        parameter: its name.
-        values: shape (n,).
-        law: the power law; None where there is none.
-    """
-
-    parameter: str
-    values: Float
-    law: PowerLaw | None
 
 
 def read_series(
@@ -119,7 +105,7 @@ def read_series(
     if cleared is not None:
         answer = _read(cleared, L, delays, parameter, p, wanted)
         times = np.array([one.best.time for one in answer[0] if one.best.valid])
-        if len(times) > 1 and np.ptp(times) > _MOVES * np.median([one.period for one in cleared]):
+        if len(times) > 1 and np.ptp(times) > MOVES * np.median([one.period for one in cleared]):
             return answer
     return _read(records, L, delays, parameter, p, wanted)
 
@@ -138,7 +124,8 @@ def _read(
     delay = delays.get(OF_ONE, 0.0)
     largest = [max(own, key=lambda q: q.size).top for own in heard if own]
     loose = bool(largest) and float(L.mean() / np.median(largest)) < _LOOSE
-    grows = loose and bool((p > 0).all()) and any(w in parameter.lower() for w in _STRESSES)
+    stress = bool((p > 0).all()) and any(w in parameter.lower() for w in _STRESSES)
+    grows = loose and stress
     foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
     own, waves = _direct_of_each(records, heard, p, foreseen, grows, delay, L, wanted)
     reference = clearest(records, heard, own)
@@ -186,6 +173,7 @@ def _read(
             records, heard, each, np.nan_to_num(usual).tolist(), parts, L, rivals, strict=True
         )
     ]
+    readings = of_one_law(readings, parameter, p) if stress else readings
     return readings, Series(parameter, p, law_of(readings, p))
 
 
@@ -274,18 +262,6 @@ def _rivals(
     return result
 
 
-def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
-    """The power law through the valid answers of readings at values p."""
-    best = [one.best for one in readings]
-    velocity = np.array([b.velocity if b.valid else np.nan for b in best])
-    time = np.array([b.time for b in best])
-    common = np.array([one.common for one in readings])
-    total = np.array([b.error for b in best])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
-        return power_law(p, velocity, noise, common / time)
-
-
 def _followed(
     records: Sequence[TransmissionRecord],
     found: Followed,
@@ -310,7 +286,7 @@ def _followed(
     alike = found.correlation >= _SURELY_ALIKE
     noise_alone = ~alike & [in_noise(one, t + delay) for one, t in zip(records, time, strict=True)]
     lost = (unlike | hidden) & ~noise_alone
-    moves = _in_order(time[order][~(lost | noise_alone)[order]], float(np.median(period)))
+    moves = in_order(time[order][~(lost | noise_alone)[order]], float(np.median(period)))
     share_lost = float(np.sum(lost)) / max(1, int(np.sum(~noise_alone)))
     none = UNLIKE_MOST * (share_lost > _MOST_LOST and not moves)
     return [
@@ -320,15 +296,6 @@ def _followed(
         )
         for i, one in enumerate(alone)
     ]  # fmt: skip
-
-
-def _in_order(time: Float, period: float) -> bool:
-    """Whether times of records in their order are those of a wave that moves, as crosstalk and
-    chance do not."""
-    steps = np.diff(time)
-    return len(time) >= FEWEST and bool(
-        (np.all(steps < 0) or np.all(steps > 0)) and np.ptp(time) > _MOVES * period
-    )
 
 
 def _open_in_periods(alone: Sequence[Arrived], time: Float, period: Float) -> float:

@@ -1,0 +1,59 @@
+"""The law through a series of pulse tests, and which of their answers it excludes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.readings.pulse.power_law import PowerLaw, off_the_law, power_law
+from wavesim.readings.pulse.reading import Reading
+
+Float = NDArray[np.float64]
+
+OFF = (
+    "its velocity, {:.4g} m/s, is {:.0%} off the others' law, outside its error: was the distance, "
+    "the wave, a sensor or its {} another? --distance takes one for each record; else read it alone"
+)
+
+
+@dataclass(frozen=True)
+class Series:
+    """A series of readings.
+
+    Attributes:
+        parameter: its name.
+        values: shape (n,).
+        law: the power law; None where there is none.
+    """
+
+    parameter: str
+    values: Float
+    law: PowerLaw | None
+
+
+def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
+    """The power law through the valid answers of readings at values p."""
+    best = [one.best for one in readings]
+    velocity = np.array([b.velocity if b.valid else np.nan for b in best])
+    time = np.array([b.time for b in best])
+    common = np.array([one.common for one in readings])
+    total = np.array([b.error for b in best])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        noise = np.sqrt(np.maximum(total**2 - common**2, 0)) / time
+        return power_law(p, velocity, noise, common / time)
+
+
+def of_one_law(readings: Sequence[Reading], parameter: str, p: Float) -> list[Reading]:
+    """The same, less the answers that a smooth law of the others excludes."""
+    best = [one.best for one in readings]
+    velocity = np.array([b.velocity if b.valid else np.nan for b in best])
+    off = off_the_law(p, velocity, np.array([b.velocity_error for b in best]))
+    name = parameter.partition(" (")[0]
+    return [
+        replace(one, best=replace(b, valid=False, reason=OFF.format(b.velocity, away, name)))
+        if away > 0 else one
+        for one, b, away in zip(readings, best, off.tolist(), strict=True)
+    ]  # fmt: skip
