@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -79,10 +80,12 @@ def read_points(path: str | Path, *needed: tuple[str, str]) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
         lines = (line for line in text.splitlines() if line.strip() and line.strip()[0] != "#")
-        first, second = next(lines, ""), next(lines, "")
+        first, *more = [*islice(lines, 3), ""]
         headed = any(c.isalpha() for c in first.replace("e", "").replace("E", ""))
         separator = next((c for c in ";\t," if c in first), r"\s+")
-        decimal = "," if separator != "," and _DECIMAL_COMMA.search(first + second) else "."
+        decimal = (
+            "," if separator != "," and _DECIMAL_COMMA.search("".join([first, *more])) else "."
+        )
         table = pd.read_csv(
             path, sep=separator, decimal=decimal, engine="python", comment="#",
             header=0 if headed else None, encoding="utf-8-sig", skipinitialspace=True,
