@@ -394,3 +394,21 @@ def test_a_mode_that_halts_at_zero_as_at_a_cut_off_does_not_come_from_beyond_it(
     assert not through_zero(own, both, np.concatenate([omega[seen]] * 2), 0.1)
     assert not through_zero(np.arange(61), omega, omega, 0.1)
     assert through_zero(np.arange(30, 61), 6 * np.sqrt(omega) - 6, omega, 0.1)
+
+
+@pytest.mark.parametrize("rate", [1.003, 0.997])
+def test_the_loss_of_a_line_of_two_clocks_holds_the_step_between_them(rate):
+    """Half the receivers' clock runs 0.3 % fast or slow: less late than is seen in any phase, and
+    at all frequencies alike. Bars hold k; those of one clock are as they were."""
+    x = 0.05 + 0.01 * np.arange(12)
+    rng, bars = np.random.default_rng(5), []
+    for own in (rate, 1.0):
+        one, other = (passing(x, [(plain, lambda r: np.exp(-r))], 5e4, T * c) for c in (1.0, own))
+        u = np.where(x > x.mean(), other, one)
+        u += 1e-2 * rng.normal(size=u.shape)
+        omega = 2 * np.pi * np.linspace(2.5e4, 8e4, 30)
+        points = in_space(record(u, T, x), omega)
+        points = points.take(points.valid)
+        assert np.mean(np.abs(points.k - points.omega / SPEED - 1j) <= points.bar) > 0.9
+        bars.append(points.bar)
+    assert np.median(bars[1]) < 0.7 * np.median(bars[0])

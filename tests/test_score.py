@@ -10,7 +10,7 @@ from runs import call
 
 import wavesim as ws
 from wavesim.records.files import write
-from wavesim.records.point_table import read_points
+from wavesim.records.point_table import is_points, read_points
 from wavesim.records.record import RecordError
 from wavesim.records.synthetic import Pulse, Spoil, positions
 from wavesim.verdict.score import Truth, points_of
@@ -191,6 +191,27 @@ def test_units_and_errors_are_found_under_their_usual_names(tmp_path, exact):
     assert found["k"] == pytest.approx(k)
     assert found["omega"] == pytest.approx(omega)
     assert found["error"] == pytest.approx(0.01 * omega)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "k,frequency,error\n3.5,7.25,0.5\n",
+        "# of another program\n# made today\n\nk,f,std\n3.5,7.25,0.5\n",
+        "k;frequency;error\n3,5;7,25;0,5\n",
+        "k\tf\terr\n3,5\t7,25\t0,5\n",
+        "k,f,error\nrad/m,Hz,Hz\n3.5,7.25,0.5\n",
+        "k;f;error\nrad/mm;kHz;rad/s\n0,0035;0,00725;3,14159265358979\n",
+    ],
+    ids=["plain", "comments", "decimal commas", "tabs", "units", "units below commas"],
+)
+def test_an_error_is_in_the_unit_of_its_frequency_however_the_table_is_laid_out(text, tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    assert is_points(path)
+    found = read_points(path)
+    read = [found[name][0] for name in ("k", "omega", "error")]
+    assert read == pytest.approx([3.5, 2 * np.pi * 7.25, np.pi], rel=1e-12)
 
 
 def test_a_truth_that_is_no_number_is_refused():

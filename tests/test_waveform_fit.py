@@ -203,6 +203,30 @@ def test_bars_that_what_is_held_spoils_do_not_count(record, tmp_path):
     assert found.comparison.systematic == pytest.approx(found.residual, rel=0.2)
 
 
+def test_a_receiver_that_stands_elsewhere_is_said_to_where_places_are_stated_to_be_exact(tmp_path):
+    """A middle receiver of three, 3 % of its distance from the source too far in the case."""
+    three = CASE.replace("[time]", '[[receivers]]\nname = "last"\nposition = 0.015\n\n[time]')
+    path = tmp_path / "case.toml"
+    path.write_text(three.format(**TRUTH))
+    made = load(path).simulation
+    found = signals(made.layers, "free", "absorbing", made.sources, made.receivers, made.times)
+    columns = {name: fields["phi1"] for name, fields in found.items()}
+    rng = np.random.default_rng(3)
+    columns = {n: u + 0.005 * u.std() * rng.standard_normal(len(u)) for n, u in columns.items()}
+    recorded = PulseTestRecord("made", made.times, columns, dict.fromkeys(columns, np.nan), None)
+    path.write_text(three.format(**TRUTH | {"a": 0.2}).replace("0.010", "0.01021"))
+    wrong = load(path)
+    measured = matched(recorded, wrong.simulation, None)
+    fits = [of_waveforms(wrong, measured, ["anisotropy"], known_to=to) for to in ({"": 0}, {})]
+    off = [abs(one.values[NAMES["a"]] - TRUTH["a"]) / one.errors[NAMES["a"]] for one in fits]
+    assert off[0] > 2
+    assert "goes with the signals" in fits[0].reasons[NAMES["a"]]
+    (said,) = (note for note in fits[0].notes if "errors of what is held" in note)
+    assert "position of far" in said
+    assert float(said.split()[-2]) == pytest.approx(-3, abs=0.3)
+    assert off[1] < 2  # where it is not stated, the error holds it
+
+
 @pytest.mark.parametrize("left", ["free", "periodic"], ids=["bar", "ring"])
 def test_what_an_error_of_what_is_held_does_is_what_is_said_of_it(left, record, tmp_path):
     """η held 2 % too high trades for a, and nothing is left over: a moves by twice what 1 % is said

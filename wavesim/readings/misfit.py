@@ -20,9 +20,12 @@ from wavesim.simulation.bandlimited import between, cross_correlation
 
 Float = NDArray[Any]
 
-# More than this of the record left over says that the case is another than what was measured.
+# More than this of the record left over says that it is not the case's alone.
 LARGEST_RESIDUAL = 0.5
-UNLIKE = "the case is another than what was measured, whoever's the columns are"
+UNLIKE = (
+    "the case is another than what was measured, whoever's the columns are, or the record holds as "
+    "much noise, drift or crosstalk beside"
+)
 # And this much, that nothing of the case is in it.
 _NOTHING = 0.97
 ABSENT = "nothing of the case is found in the record: it is of another test, or holds noise alone"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError
+from wavesim.records.formats.dialect import is_number
 from wavesim.records.units import factor, named_as, without_unit
 
 Float = NDArray[Any]
@@ -31,6 +33,8 @@ _NAMES: dict[str, dict[str, float]] = {
     "valid": {"valid": 1},
     "branch": {"branch": 1},
 }  # fmt: skip
+# Errors whose heading does not say of what.
+_OF_WHICH = ("error", "err", "std", "se", "uncertainty", "standard error", "standard_error")
 _SIZES = {
     "rad/m": 1.0, "rad/cm": 100.0, "rad/mm": 1e3, "np/m": 1.0, "rad/s": 1.0, "rad/ms": 1e3,
     "krad/s": 1e3, "rad/us": 1e6, "rad/µs": 1e6, "–": 1.0, "-": 1.0,
@@ -43,6 +47,7 @@ _BARE = {"1/m": 1.0, "1/cm": 100.0, "1/mm": 1e3, "1/s": 1.0, "1/ms": 1e3}
 _CASED = {"Mrad/s": 1e6, "mrad/s": 1e-3}
 # No wave has more of anything, and sums of squares are numbers.
 _LARGEST = 1e100
+_DECIMAL_COMMA = re.compile(r"\d,\d")
 _TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
 
 
@@ -54,9 +59,11 @@ def read_points(path: str | Path, *needed: tuple[str, str]) -> dict[str, Any]:
     """Columns of a table of points.
 
     Args:
-        path: a text file, parted by commas, semicolons, tabs or spaces. Headed as ``--out`` of
-            dispersion and attenuation writes it, or k, omega (or frequency, in Hz), error, and for
-            attenuation k_imag and sigma; without a heading k, omega and perhaps error.
+        path: a text file, parted by semicolons, tabs, commas or spaces, with decimal commas where
+            these do not part it; lines after # are left out. Headed as ``--out`` of dispersion and
+            attenuation writes it, or k, omega (or frequency, in Hz), error in the same unit, and
+            for attenuation k_imag and sigma; a row of units may follow. Without a heading k, omega
+            and perhaps error.
         needed: what must be there beside k and omega, each with an example of its heading.
 
     Returns:
@@ -72,10 +79,15 @@ def read_points(path: str | Path, *needed: tuple[str, str]) -> dict[str, Any]:
         raise RecordError(f"{path}: no such file")
     try:
         text = path.read_text(encoding="utf-8-sig")
-        first = next((line for line in text.splitlines() if line.strip()), "")
+        lines = (line for line in text.splitlines() if line.strip() and line.strip()[0] != "#")
+        first, *more = [*islice(lines, 3), ""]
         headed = any(c.isalpha() for c in first.replace("e", "").replace("E", ""))
+        separator = next((c for c in ";\t," if c in first), r"\s+")
+        decimal = (
+            "," if separator != "," and _DECIMAL_COMMA.search("".join([first, *more])) else "."
+        )
         table = pd.read_csv(
-            path, sep=next((c for c in ",;\t" if c in first), r"\s+"), engine="python", comment="#",
+            path, sep=separator, decimal=decimal, engine="python", comment="#",
             header=0 if headed else None, encoding="utf-8-sig", skipinitialspace=True,
         )  # fmt: skip
     except (OSError, ValueError) as error:  # UnicodeDecodeError and pandas' own are ValueErrors
@@ -85,7 +97,15 @@ def read_points(path: str | Path, *needed: tuple[str, str]) -> dict[str, Any]:
         usual = ["k", "omega", "error"][: table.shape[1]]
         table = table.iloc[:, : len(usual)].set_axis(usual, axis=1)
     own = [str(name) for name in table.columns]
+    if headed and len(table) and all(isinstance(cell, str) for cell in table.iloc[0]):
+        units = [cell.strip() for cell in table.iloc[0]]
+        if not any(is_number(unit, decimal) for unit in units):
+            own = [f"{name} ({unit})" for name, unit in zip(own, units, strict=True)]
+            table = table.iloc[1:]
+            if decimal == ",":  # cells below words stayed as they are
+                table = table.map(lambda cell: str(cell).replace(",", "."))
     found: dict[str, Any] = {}
+    sizes: dict[str, float] = {}
     for what, names in _NAMES.items():
         for name, size in names.items():
             at = named_as(name, own)
@@ -95,9 +115,12 @@ def read_points(path: str | Path, *needed: tuple[str, str]) -> dict[str, Any]:
                     "keep one"
                 )
             if at:
-                column = table.iloc[:, at[0]]
+                column, heading = table.iloc[:, at[0]], own[at[0]]
+                if what == "error" and name in _OF_WHICH and "k_imag" not in found:
+                    size = sizes.get("omega", size)  # in the unit of what it is of
+                sizes[what] = _size(path, heading, size)
                 found[what] = _flags(path, column) if what == "valid" else (
-                    _numbers(path, own[at[0]], column) * _size(path, own[at[0]], size)
+                    _numbers(path, heading, column) * sizes[what]
                 )  # fmt: skip
                 break
     for what, example in (("k", "k (rad/m)"), ("omega", "omega (rad/s), frequency (Hz)"), *needed):
@@ -166,5 +189,6 @@ def is_points(path: Path) -> bool:
     if not path.is_file() or path.suffix.lower() not in (".csv", ".txt"):
         return False
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        names = [name.strip() for name in re.split("[,;\t]", file.readline(4096))]
+        first = next((line for line in file if line.strip() and line.strip()[0] != "#"), "")
+        names = [name.strip() for name in re.split("[,;\t]", first[:4096])]
     return all(any(named_as(one, names) for one in _NAMES[what]) for what in ("k", "omega"))

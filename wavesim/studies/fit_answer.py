@@ -164,13 +164,20 @@ def of_waveforms(
     scale = data.scale_of(solution.values)
     lain = lag if lag is not None else solution.values[LAG]
     beside = compare(fitted, measured, lain, scale)
-    _, J, _ = data.residuals(solution.values)
-    held = Held.of(J, _held_columns(fitted, beside_them, measured, lain, scale, gain))
+    r, J, _ = data.residuals(solution.values)
+    columns = _held_columns(fitted, beside_them, measured, lain, scale, gain)
+    held = Held.of(J, columns)
     # What was fitted to columns of other receivers is no case to lay them on.
     far = beside.residual > LARGEST_RESIDUAL
     otherwise = compare(case, measured, lag, gain).otherwise if far else ""
     notes = measured.notes if far else beside.notes
     allowed = ALLOWED * np.linalg.norm(held.left * held.parts(known_to)) if known_to else 0.0
+    if known_to:  # where it is not stated, errors hold that what is held is off
+        part, most = held.seen(J, columns, r)
+        of_held = beside.residual * float(np.sqrt(part)) if part > _NO_NOISE else 0.0
+        if of_held > max(SPOILS, allowed):
+            beside = replace(beside, systematic=max(beside.systematic, of_held))
+            notes = (*notes, f"what is left over is as errors of what is held: most so {most}")
     stated = [f"--{name}" for name, one in (("lag", lag), ("scale", gain)) if one is not None]
     reasons = {
         one.key: _reason(solution, one.key, beside, otherwise, float(allowed), stated)
@@ -222,8 +229,8 @@ def _reason(
     if beside.residual > LARGEST_RESIDUAL:
         return f"{beside.residual:.0%} of the record is left over: " + (
             otherwise
-            or "the case is another than what was measured, or the first guess too far "
-            "off: begin elsewhere with --set"
+            or "the case is another than what was measured, the record holds as much noise, drift "
+            "or crosstalk beside, or the first guess is too far off: begin elsewhere with --set"
         )
     if not np.isfinite(solution.errors[key]):
         with_it = sorted({k for one in solution.degenerate if key in one for k in one} - {key})

@@ -203,6 +203,32 @@ class Held:
         known_to = known_to or {"": SUPPOSED}
         return np.array([known_to.get(name, known_to.get("", 0.0)) for name in self.names])
 
+    def seen(self, J: Float, columns: Mapping[str, Float], residuals: Float) -> tuple[float, str]:
+        """What is left over as errors of what is held would leave it, by least squares.
+
+        Args:
+            J, columns: as of :meth:`of`.
+            residuals: shape (n,).
+
+        Returns:
+            The part of the residuals' power that they explain, –, and the one that explains most
+            alone, with by how much it would be larger, in words; "" where nothing is held.
+        """
+        power = float(residuals @ residuals)
+        own = {name: one for name, one in columns.items() if np.any(one)}
+        if not own or not power:
+            return 0.0, ""
+        left = []
+        for some in (*([one] for one in own.values()), [*own.values()]):
+            A = np.stack([*J.T, *some], axis=1)
+            size = np.linalg.norm(A, axis=0)
+            size = np.where(size > 0, size, 1.0)
+            found = np.linalg.lstsq(A / size, residuals, CONDITION)[0]
+            left.append((float(np.sum((residuals - A / size @ found) ** 2)), -found[-1] / size[-1]))
+        *alone, (together, _) = left
+        most = min(range(len(alone)), key=lambda i: alone[i][0])
+        return 1 - together / power, f"{[*own][most]} {100 * alone[most][1]:+.2g} %"
+
     def covariance(self, parts: Float) -> Float:
         """Of the values, as what is held is known to parts of it, each unlike the others."""
         moved = self.moved * parts

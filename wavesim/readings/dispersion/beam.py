@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavesim.readings.dispersion.halves_of_line import of_a_late_side
 from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers
 from wavesim.readings.dispersion.line_fit import fit_line
 from wavesim.readings.dispersion.phase_beam import highest_beam, phase_beam
@@ -34,9 +35,9 @@ Complex = NDArray[np.complex128]
 _BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
 _OF_RESOLUTION = 2.0
-# A side of so many receivers or more is late by so many deviations; it is off by no more than a bar
-# of so many, for what is late is so by a little more or less from receiver to receiver.
-_SIDE, _SURELY_LATE, _BAR = 3, 5.0, 1.6
+# A side that is late is off by no more than a bar of so many standard errors, for it is so by a
+# little more or less from receiver to receiver.
+_BAR = 1.4
 # Noise is looked at where there is no more than so many times what is at the highest frequencies.
 _AT_FLOOR = 4.0
 # Noise is common to receivers where it is by so many deviations.
@@ -184,49 +185,11 @@ def _by_phase(
     more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
     noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD) * together)
     error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
-    error = np.hypot(error, _of_two_sides(U, omega, k, weight, away, own) / _BAR)
+    error = np.hypot(error, of_a_late_side(U, omega, k, weight, away, own) / _BAR)
     telling = telling / np.maximum(together / 2, 1)  # of receivers that share theirs, fewer count
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
     size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))
     return k, error, size, left, (chance < _BY_CHANCE).astype(float)
-
-
-def _of_two_sides(
-    U: Complex, omega: Float, k: Float, weight: Float, away: Float, own: Float
-) -> Float:
-    """By how much k is off where one side of the line is late, by a clock, a cable or a place.
-
-    A step ωτ of the phases is laid through what straight lines leave of them, at all frequencies
-    together; of a step a line makes a slope.
-
-    Args:
-        U: shape (n, nx).
-        omega, k: of the straight lines, shape (n,), rad/s and rad/m.
-        weight, away: of receivers, and their places about the middle, shape (n, nx), – and m.
-        own: variance of a phase by noise, shape (n,).
-
-    Returns:
-        Shape (n,), rad/m; 0 where τ is no more than chance makes.
-    """
-    turned = U * np.exp(-1j * k[:, None] * away)
-    middle = np.sum(weight * turned / np.maximum(np.abs(turned), 1e-290), axis=1, keepdims=True)
-    phase = np.angle(turned * np.conj(middle))
-    total = np.maximum(weight.sum(axis=1, keepdims=True), 1e-290)
-    lever = np.maximum(np.sum(weight * away**2, axis=1, keepdims=True), 1e-290)
-    phase = phase - np.sum(weight * phase, axis=1, keepdims=True) / total
-    left = phase - np.sum(weight * away * phase, axis=1, keepdims=True) / lever * away
-    behind = slice(_SIDE, weight.shape[1] - _SIDE + 1)
-    late, some, slope = (np.sum(v, axis=1, keepdims=True) - np.cumsum(v, axis=1) + v
-                         for v in (weight * left, weight, weight * away))  # fmt: skip
-    size = some - some**2 / total - slope**2 / lever
-    scatter = np.maximum(own, np.sum(weight * left**2, axis=1) / total[:, 0]) + 1e-290
-    told = (omega / scatter) @ late
-    known = (omega**2 / scatter) @ np.maximum(size, 0)
-    gain = (told**2 / np.maximum(known, 1e-290))[behind]
-    if not len(gain) or gain.max() < _SURELY_LATE**2:
-        return np.zeros(len(U))
-    j = int(gain.argmax()) + _SIDE
-    return np.asarray(np.abs(omega * told[j] / known[j] * slope[:, j] / lever[:, 0]))
 
 
 def _bends(U: Complex, x: Float, weight: Float, k: Float) -> Bends:
