@@ -43,6 +43,15 @@ def test_unequal_gains_make_no_waves(method, gain):
     assert np.mean(off.min(axis=0) <= own.bar) >= 0.88
 
 
+@pytest.mark.parametrize("missing", [1, 2])
+def test_a_ring_without_its_last_receivers_is_no_ring(missing):
+    """All k = 2πm/X would be as much too large as the ring is taken for too small."""
+    u, _ = ringing()
+    told = rf"with {missing} more receivers? between the last and the first"
+    with pytest.raises(RecordError, match=told):
+        record(u[:, :-missing], T, X[:-missing], ring=True)
+
+
 @pytest.mark.parametrize("every", [1, 2, 3])
 def test_what_too_few_receivers_show_beyond_their_wavenumbers_is_folded(every, rng):
     """A lattice's branch, ω = 4 MHz sin(ka/2), goes on at 2π/d − k, and through k = 0."""
