@@ -10,6 +10,7 @@ from wavesim.records.content import RecordError
 from wavesim.records.faults.clipping import NORMALISED
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 from wavesim.records.faults.ring_misfits import gains
+from wavesim.records.faults.ring_waves import missing_between_ends
 from wavesim.records.faults.unfit_receivers import PART
 from wavesim.records.record import FEWEST_FRAMES, Record
 
@@ -109,7 +110,22 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
             "all receivers are at rest at the record's beginning and move later, so that a source "
             "acts within it: name the time from which on none does with --quiet-from (s)"
         )
+    if record.ring:
+        _check_whole(record)
     return evened(record)
+
+
+def _check_whole(ring: Record) -> None:
+    """Raise :class:`RecordError` where receivers are missing between the last and the first."""
+    u = ring.values[:, ring.t >= ring.quiet_from]
+    strongest = u[int(np.argmax(np.abs(np.nan_to_num(u)).max(axis=(1, 2), initial=0.0)))]
+    odd = ring.misfit if len(ring.misfit) else np.zeros(len(ring.x), bool)
+    if not np.isfinite(strongest).all() or not (gone := missing_between_ends(strongest, odd)):
+        return
+    raise RecordError(
+        f"ring: the waves close round it with {gone} more receiver{'s' * (gone > 1)} between the "
+        "last and the first, and not without: give those missing, or leave out --ring"
+    )
 
 
 def unclipped(record: Record, fewest: int = 2) -> Record:

@@ -30,7 +30,6 @@ from wavesim.records.faults.moveout import (
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.quiet import Rest, rest
 from wavesim.records.faults.ring_misfits import ring_misfits
-from wavesim.records.faults.ring_waves import missing_between_ends
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -166,11 +165,6 @@ def together(
         raise RecordError(
             "ring: the last receiver and the first differ far more than any other neighbours, so "
             "that the receivers do not go all round one: leave out --ring, or give those missing"
-        )
-    if ring and seam and (gone := missing_between_ends(values[strongest, t >= quiet_from], lost)):
-        raise RecordError(
-            f"ring: the waves close round it with {gone} more receiver{'s' * (gone > 1)} between "
-            "the last and the first, and not without: give those missing, or leave out --ring"
         )
     if ring:
         mended, odd = ring_misfits(values[:, t >= quiet_from], lost, x, labels, found)
