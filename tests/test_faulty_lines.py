@@ -10,7 +10,7 @@ from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import wavenumber
 from wavesim.readings.dispersion.folding import folded_branches, through_zero
 from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
-from wavesim.readings.dispersion.line_fit import fit_line
+from wavesim.readings.dispersion.line_fit import deviation, fit_line
 from wavesim.readings.dispersion.spreading import exponent, spreads
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.record import RecordError, record
@@ -412,3 +412,17 @@ def test_the_loss_of_a_line_of_two_clocks_holds_the_step_between_them(rate):
         assert np.mean(np.abs(points.k - points.omega / SPEED - 1j) <= points.bar) > 0.9
         bars.append(points.bar)
     assert np.median(bars[1]) < 0.7 * np.median(bars[0])
+
+
+@pytest.mark.parametrize("unlike", ["gains", "two modes"])
+def test_what_is_off_at_all_frequencies_is_where_noise_hides_it(unlike):
+    """Gains off by 5 %, and a second mode: k is as far off of a wave of 0.3 of the amplitude, of
+    which noise hides what is left over."""
+    x, k = 0.01 * np.arange(4), 120.0 + 0.2j
+    wave = np.exp(1j * k * x)
+    off = np.array([0.05, -0.05, -0.05, 0.05]) if unlike == "gains" else 0.05 * np.exp(-220j * x)
+    sizes = np.array([1.0, 0.9, 1.0, 0.3, 0.3])
+    fit = fit_line(sizes[:, None] * wave * (1 + off), x, np.ones((5, 4), bool), 1, False)
+    bars = deviation(fit, np.full(5, 2), np.full(5, 0.02**2)) * fit.unit[:, 0]
+    assert np.abs(np.diff(fit.k[:, 0])).max() < 1e-6
+    assert bars[3:].min() > 0.99 * bars[:3].max()

@@ -71,7 +71,8 @@ def deviation(fit: LineFit, spare: Any, noise: Float, rows: Any = slice(None)) -
 
     What noise does not explain may be another wave, which receivers hear together, and is known
     from no more receivers than there are to spare, by Student's t. Gains alone are off along one
-    direction of the complex plane.
+    direction of the complex plane. They are so at all frequencies alike: of a quiet wave noise
+    covers what a loud one shows, by chance so does the wave itself, and its k is as far off.
 
     Args:
         fit: of n frequencies.
@@ -83,10 +84,24 @@ def deviation(fit: LineFit, spare: Any, noise: Float, rows: Any = slice(None)) -
         √ of the power, shape (m,); NaN where receivers are too few.
     """
     left = fit.residual[rows]
+    power = np.sum(fit.forward[rows] ** 2 + fit.backward[rows] ** 2, axis=1)
     excess = np.maximum(left - NOISE_SPREAD * noise, 0.0)
+    excess = np.maximum(excess, _usual(excess, power) * power)
+    left = np.maximum(left, excess)
     size = np.sqrt(np.maximum(left, noise) + _HEARD * fit.alike[rows] * excess)
     wide = -stdtrit(np.maximum(spare, 1), _OUTSIDE / 2) / np.sqrt(-np.log(_OUTSIDE))
     return np.where(spare < 0, np.nan, np.where(excess > 0, wide, 1.0) * size)
+
+
+def _usual(excess: Float, power: Float) -> float:
+    """Part of the power that is left over of half of all power, or more: of any size, –."""
+    told = np.isfinite(excess) & (power > 0)
+    if not told.any():
+        return 0.0
+    part, weight = excess[told] / power[told], power[told]
+    order = np.argsort(part)
+    so_far = np.cumsum(weight[order])
+    return float(part[order][np.searchsorted(so_far, so_far[-1] / 2)])
 
 
 @dataclass(frozen=True)
