@@ -270,3 +270,21 @@ def test_a_late_half_of_a_ring_of_few_lines_is_found(count, late):
     said = re.search(r"are ([\d.]+) frames later than those before", str(told.value))
     assert said is not None
     assert float(said[1]) == pytest.approx(late, rel=0.1)
+
+
+def test_a_late_block_of_a_ring_is_told_from_waves(rng):
+    """Receivers 17 to 33 of 48 two frames late: e^{ikx} stands at k ± 2πn/X too, at its ω."""
+    x, k = np.arange(48) * 1e-3, 2 * np.pi * np.arange(1, 9) / 0.048
+    u, late = {0.0: 0.0, 4e-7: 0.0}, (x > 0.0165) & (x < 0.0335)
+    for sign in (1, -1):
+        phase = rng.uniform(0, 2 * np.pi, len(k))[:, None]
+        wave = np.exp(1j * (sign * np.outer(k, x) + phase))
+        for by in u:
+            u[by] = u[by] + (np.exp(-1j * np.outer(T - by, 4e6 * np.sin(5e-4 * k))) @ wave).real
+    noise = 1e-3 * rng.normal(size=u[0.0].shape)
+    found = in_time(for_frequency_at_k(record(u[0.0] + noise, T, x, ring=True)))
+    assert found.valid.sum() >= 7
+    with pytest.raises(RecordError, match="a part of its receivers is late"):
+        in_time(
+            for_frequency_at_k(record(np.where(late, u[4e-7], u[0.0]) + noise, T, x, ring=True))
+        )

@@ -29,7 +29,7 @@ from wavesim.readings.dispersion.hidden_mode import CLOSE, worth
 from wavesim.readings.dispersion.noise_level import leaked
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.sinusoid_errors import Sinusoids, of_moving_lines
-from wavesim.readings.dispersion.two_kinds_in_turn import check_one_kind
+from wavesim.readings.dispersion.unlike_receivers import check_no_part_is_unlike, check_one_kind
 from wavesim.readings.dispersion.unread_receivers import put_in
 from wavesim.readings.dispersion.waves_along_line import along_line, numbered
 from wavesim.records.fitness import evened, live
@@ -186,7 +186,9 @@ def in_time(
         points = points.refused(2 * crowd * bad > len(quiet.x) / 2, CROWDED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     if record.ring and not record.lattice:
-        check_one_kind(step + 1, points.omega, points.amplitude, points.error, cell, len(record.x))
+        lines = step + 1, points.omega, points.amplitude, points.error, cell
+        check_one_kind(*lines, len(record.x))
+        check_no_part_is_unlike(*lines)
     if len(points) and record.leak is not None:
         echo = leaked(step, points.omega, points.amplitude, points.error, cell, bool(quiet.leak))
         points = points.refused(echo, LEAKED)
