@@ -66,7 +66,9 @@ def unknowns(pairs: int, both: bool) -> int:
     return pairs * (3 if both else 2)
 
 
-def deviation(fit: LineFit, spare: Any, noise: Float, rows: Any = slice(None)) -> Float:
+def deviation(
+    fit: LineFit, spare: Any, noise: Float, rows: Any = slice(None), everywhere: bool = True
+) -> Float:
     """Deviation of U by which a 95 % bar of k is √(−ln 0.05) ``fit.unit`` times it.
 
     What noise does not explain may be another wave, which receivers hear together, and is known
@@ -79,6 +81,7 @@ def deviation(fit: LineFit, spare: Any, noise: Float, rows: Any = slice(None)) -
         spare: receivers beyond the unknowns, shape (m,), –.
         noise: its power in U, shape (m,).
         rows: which m of the frequencies.
+        everywhere: whether what is off at half of the power is taken to be off at all frequencies.
 
     Returns:
         √ of the power, shape (m,); NaN where receivers are too few.
@@ -86,8 +89,9 @@ def deviation(fit: LineFit, spare: Any, noise: Float, rows: Any = slice(None)) -
     left = fit.residual[rows]
     power = np.sum(fit.forward[rows] ** 2 + fit.backward[rows] ** 2, axis=1)
     excess = np.maximum(left - NOISE_SPREAD * noise, 0.0)
-    excess = np.maximum(excess, _usual(excess, power) * power)
-    left = np.maximum(left, excess)
+    if everywhere:
+        excess = np.maximum(excess, _usual(excess, power) * power)
+        left = np.maximum(left, excess)
     size = np.sqrt(np.maximum(left, noise) + _HEARD * fit.alike[rows] * excess)
     wide = -stdtrit(np.maximum(spare, 1), _OUTSIDE / 2) / np.sqrt(-np.log(_OUTSIDE))
     return np.where(spare < 0, np.nan, np.where(excess > 0, wide, 1.0) * size)

@@ -212,7 +212,7 @@ def wavenumber(seen: Spectra, guess: Guess) -> tuple[Complex, Float]:
         whole = np.sum(used * np.abs(U) ** 2, axis=1) / count
         part = float(np.median((fit.residual / whole)[spare > 0]))
         fit = replace(fit, residual=np.maximum(fit.residual, part * whole))
-    error[rows] = deviation(fit, spare, power) / np.sqrt(2) * fit.unit[:, 0]
+    error[rows] = deviation(fit, spare, power, everywhere=False) / np.sqrt(2) * fit.unit[:, 0]
     two = spare <= 0
     x = np.where(used[two], seen.x, np.nan)
     apart = np.nanmax(x, axis=1) - np.nanmin(x, axis=1) if two.any() else np.zeros(0)
