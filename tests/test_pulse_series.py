@@ -121,6 +121,22 @@ def test_a_record_of_another_distance_or_wave_is_not_read_as_of_the_series(part)
     assert series.law.b == pytest.approx(0.25, abs=0.03)
 
 
+@pytest.mark.parametrize("part", [2.0, 1 / 1.8])
+def test_a_record_that_is_refused_leads_no_other(part):
+    """The others are read as they are without it, though it may show its wave best."""
+    waves = [[(T, 1.0), (1.5 * T, 0.5)] for T in TIME]
+    waves[2] = [(part * TIME[2], 1.0), (1.5 * part * TIME[2], 0.5)]
+    records = [of(i, 1.2e4, waves[i]) for i in range(5)]
+    some = np.delete(np.arange(5), 2)
+    found, _ = read_series(records, L, {}, "stress (kPa)", STRESS.tolist(), Wanted("S"))
+    without, _ = read_series(
+        [records[i] for i in some], L, {}, "stress (kPa)", STRESS[some].tolist(), Wanted("S")
+    )
+    assert not found[2].best.valid
+    assert [found[i].best.time for i in some] == [one.best.time for one in without]
+    assert [found[i].best.error for i in some] == [one.best.error for one in without]
+
+
 def test_a_record_under_a_wrong_stress_is_told_with_its_speed_and_has_no_part_in_the_law():
     """The third of six is that of half of the stress that is said of it: its wave is read well
     by itself, and V = 60 σ^0.25 of the others leaves no doubt that it is not of theirs."""

@@ -46,14 +46,17 @@ def law_of(readings: Sequence[Reading], p: Float) -> PowerLaw | None:
         return power_law(p, velocity, noise, common / time)
 
 
-def of_one_law(readings: Sequence[Reading], parameter: str, p: Float) -> list[Reading]:
-    """The same, less the answers that a smooth law of the others excludes."""
+def of_one_law(
+    readings: Sequence[Reading], parameter: str, p: Float
+) -> tuple[list[Reading], NDArray[np.bool_]]:
+    """The same, less the answers that a smooth law of the others excludes, and which these are."""
     best = [one.best for one in readings]
     velocity = np.array([b.velocity if b.valid else np.nan for b in best])
     off = off_the_law(p, velocity, np.array([b.velocity_error for b in best]))
     name = parameter.partition(" (")[0]
-    return [
+    kept = [
         replace(one, best=replace(b, valid=False, reason=OFF.format(b.velocity, away, name)))
         if away > 0 else one
         for one, b, away in zip(readings, best, off.tolist(), strict=True)
     ]  # fmt: skip
+    return kept, off > 0

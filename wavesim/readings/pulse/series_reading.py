@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wavesim.readings.pulse.common_crosstalk import without_common
 from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
 from wavesim.readings.pulse.one_receiver import NOTHING, arrived, run_into, settled, unheard
-from wavesim.readings.pulse.power_law import Line, lines
+from wavesim.readings.pulse.power_law import FEWEST, Line, lines
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
     LEAST_CORRELATION,
@@ -103,11 +103,32 @@ def read_series(
     L = np.broadcast_to(np.asarray(distance, float), p.shape)
     cleared = without_common(records)
     if cleared is not None:
-        answer = _read(cleared, L, delays, parameter, p, wanted)
+        answer = _read_own(cleared, L, delays, parameter, p, wanted)
         times = np.array([one.best.time for one in answer[0] if one.best.valid])
         if len(times) > 1 and np.ptp(times) > MOVES * np.median([one.period for one in cleared]):
             return answer
-    return _read(records, L, delays, parameter, p, wanted)
+    return _read_own(records, L, delays, parameter, p, wanted)
+
+
+def _read_own(
+    records: Sequence[TransmissionRecord],
+    L: Float,
+    delays: Mapping[str, float],
+    parameter: str,
+    p: Float,
+    wanted: Wanted,
+) -> tuple[list[Reading], Series]:
+    """The same of records whose crosstalk is known as well as it can be; those that turn out to be
+    of another set-up are refused, and the others read again without them, which they had led."""
+    readings, series, another = _read(records, L, delays, parameter, p, wanted)
+    own = np.flatnonzero(~another)
+    if another.any() and len(own) >= FEWEST:
+        rest = [records[i] for i in own.tolist()]
+        again, found = _read_own(rest, L[own], delays, parameter, p[own], wanted)
+        for i, one in zip(own.tolist(), again, strict=True):
+            readings[i] = one
+        series = replace(series, law=found.law)
+    return readings, series
 
 
 def _read(
@@ -117,8 +138,8 @@ def _read(
     parameter: str,
     p: Float,
     wanted: Wanted,
-) -> tuple[list[Reading], Series]:
-    """The same of records whose crosstalk is known as well as it can be."""
+) -> tuple[list[Reading], Series, NDArray[np.bool_]]:
+    """What the records say together, and which of them are of another set-up."""
     count = len(records)
     heard = [[] if one.covered else packets(one) for one in records]
     delay = delays.get(OF_ONE, 0.0)
@@ -131,7 +152,7 @@ def _read(
     reference = clearest(records, heard, own)
     if reference is None:
         none = [unheard(one, float(d)) for one, d in zip(records, L, strict=True)]
-        return none, Series(parameter, p, None)
+        return none, Series(parameter, p, None), np.zeros(count, bool)
     begun = np.full(count, np.nan)
     for i, k in enumerate(own):
         if k is not None:
@@ -173,8 +194,10 @@ def _read(
             records, heard, each, np.nan_to_num(usual).tolist(), parts, L, rivals, strict=True
         )
     ]
-    readings = of_one_law(readings, parameter, p) if stress else readings
-    return readings, Series(parameter, p, law_of(readings, p))
+    if stress:
+        readings, off = of_one_law(readings, parameter, p)
+        other = other | off
+    return readings, Series(parameter, p, law_of(readings, p)), other
 
 
 def _beside(
