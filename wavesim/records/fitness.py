@@ -110,7 +110,7 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
             "all receivers are at rest at the record's beginning and move later, so that a source "
             "acts within it: name the time from which on none does with --quiet-from (s)"
         )
-    if record.ring:
+    if record.ring and record.leak is None:  # else its receivers are known
         _check_whole(record)
     return evened(record)
 
