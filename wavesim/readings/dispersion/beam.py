@@ -35,9 +35,6 @@ Complex = NDArray[np.complex128]
 _BY_CHANCE = 1e-3
 # Error of k times X over √(unexplained), where that is no noise of its own at each receiver.
 _OF_RESOLUTION = 2.0
-# A side that is late is off by no more than a bar of so many standard errors, for it is so by a
-# little more or less from receiver to receiver.
-_BAR = 1.4
 # Noise is looked at where there is no more than so many times what is at the highest frequencies.
 _AT_FLOOR = 4.0
 # Noise is common to receivers where it is by so many deviations.
@@ -185,7 +182,7 @@ def _by_phase(
     more = left * telling / np.maximum(telling - 2, 1) / np.maximum(own, 1e-290)
     noisy = noisy * np.sqrt(np.clip(more, 1, _NOISE_SPREAD) * together)
     error = np.hypot(noisy, _OF_RESOLUTION * np.sqrt(excess) / np.maximum(length, 1e-290))
-    error = np.hypot(error, of_a_late_side(U, omega, k, weight, away, own) / _BAR)
+    error = np.hypot(error, of_a_late_side(U, omega, k, weight, away, own))
     telling = telling / np.maximum(together / 2, 1)  # of receivers that share theirs, fewer count
     chance = np.exp(np.maximum(telling - 1, 1) * np.log(np.maximum(left, 1e-300))) * len(x)
     size = np.sqrt(np.sum(np.abs(U) ** 2 * (weight > 0), axis=1) / (weight > 0).sum(axis=1))

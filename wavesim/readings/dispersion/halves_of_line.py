@@ -77,13 +77,13 @@ def with_unlike_halves(
         of_row[rows] = np.where(apart > own, apart + own, 0.0)
         error = np.maximum(error, of_row[step])
         if not both:
-            of_row[rows] = late_side(rows) / _BAR
+            of_row[rows] = late_side(rows)
             error = np.hypot(error, of_row[step])
     return replace(points, error=error)
 
 
 def of_a_late_side(U: Any, omega: Float, k: Float, weight: Float, away: Float, own: Float) -> Float:
-    """By how much k is off where one side of the line is late, by a clock, a cable or a place.
+    """Standard error of k where one side of the line is late, by a clock, a cable or a place.
 
     A step ωτ of the phases is laid through what straight lines leave of them, at all frequencies
     together; of a step a line makes a slope.
@@ -117,4 +117,4 @@ def of_a_late_side(U: Any, omega: Float, k: Float, weight: Float, away: Float, o
     if not len(gain) or gain.max() < _SURELY_LATE**2:
         return np.zeros(len(U))
     j = int(gain.argmax()) + _SIDE
-    return np.asarray(np.abs(omega * told[j] / known[j] * slope[:, j] / lever[:, 0]))
+    return np.asarray(np.abs(omega * told[j] / known[j] * slope[:, j] / lever[:, 0])) / _BAR
