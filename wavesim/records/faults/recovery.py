@@ -32,6 +32,9 @@ _OFF, _ROUNDS = 4.7, 24
 # A course is one where so much of what follows, and of its first frames and its last eighth, lies
 # within that.
 _FOLLOWS, _ENDS = 0.3, 0.7
+# One that the record begins in is off by this part of all that is there at first, and returns by
+# 1/e or more within the record.
+_OFF_FIRST = 0.05
 # Rates from no return within so many records to one within so many frames.
 _SLOWEST, _FASTEST, _RATES = 30.0, 8.0, 24
 
@@ -155,6 +158,9 @@ def _course(v: Float, first: int, quantum: float) -> tuple[Float, float, float] 
     follows = near[after].mean()
     # What has no wave besides is a signal itself.
     if min(start.mean(), near[end].mean()) < _ENDS or not _FOLLOWS < follows < 1:
+        return None
+    # What returns by less than that is a drift, or the foot of a wave.
+    if not first and (g * len(v) < 1 or abs(size) < _OFF_FIRST * np.ptp(u)):
         return None
     frames = np.arange(len(v)) - first
     return np.where(frames >= 0, size * np.exp(-g * np.maximum(frames, 0)), 0.0), g, noise
