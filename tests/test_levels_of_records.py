@@ -77,3 +77,38 @@ def test_a_wave_is_no_level_that_jumps():
     late = T[:, None] - 1.5e-5 - (X - X[0]) / SPEED
     step = np.where(late > 0, np.exp(-late / 1e-4), 0) + 1e-3 * (CLEAN - CLEAN.mean(axis=0))
     assert not any(f.what == "level jumps" for f in record(step, T, X).findings)
+
+
+LINES = {
+    "of a supply, alike": (1.37e5 * 4, 0.3 * np.ones(N), 0.0),
+    "weak": (4.1e5, 0.02 * np.ones(N), 1.0),
+    "louder than the signal, of any phase": (3.3e5, 2 * GAINS, np.arange(N) ** 2),
+    "at one receiver": (7.7e5, 0.4 * (np.arange(N) == 2), 0.5),
+}
+
+
+@pytest.mark.parametrize("how", LINES)
+def test_a_steady_line_beside_the_band_costs_nothing(how):
+    """a cos(2πft + φ) of known f, a and φ is taken out, and leaves what is left by its fit."""
+    f, size, phase = LINES[how]
+    line = size * np.cos(2 * np.pi * f * T[:, None] + phase)
+    found = record(CLEAN + line, T, X)
+    told = {finding.what: finding for finding in found.findings}
+    assert told["line"].done == "cured"
+    assert np.abs(found.values[0] - CLEAN).max() < 1e-3
+    error, held, _, _ = along(CLEAN + line)
+    assert error < 3 * BEST
+    assert held >= 0.9
+
+
+def test_steady_tones_that_are_the_signal_stay():
+    """Of a shaker at few receivers; and beside a pulse one that dies away, or within its band."""
+    t, x = np.arange(2000) * 1e-5, 0.1 + 0.05 * np.arange(4)
+    noise = 1e-3 * np.random.default_rng(5).standard_normal((len(t), 4))
+    shaken = sum(a * np.cos(2 * np.pi * f * (t[:, None] - x / 300))
+                 for f, a in ((800, 1.0), (2300, 0.3), (7100, 0.05)))  # fmt: skip
+    assert not any(one.what == "line" for one in record(shaken + noise, t, x).findings)
+    rings = 0.3 * np.exp(-T / 1e-4) * np.sin(2 * np.pi * 4e5 * T)
+    within = 0.05 * np.sin(2 * np.pi * 6e4 * T)
+    for own in (rings, within):
+        assert not any(one.what == "line" for one in record(CLEAN + own[:, None], T, X).findings)

@@ -18,6 +18,7 @@ from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.frame_times import check_clock, check_goes_on, once_each
 from wavesim.records.faults.hum import without_early_hum
 from wavesim.records.faults.interleaved import one_converter
+from wavesim.records.faults.lines import without_lines
 from wavesim.records.faults.moveout import (
     arrivals,
     begun,
@@ -41,9 +42,10 @@ _LISTED = 8
 
 
 def samples(
-    values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
+    values: Float, t: Float, x: Float, labels: tuple[str, ...], ring: bool, found: list[Finding]
 ) -> tuple[Float, Float, float, Float, Mask, Mask]:
-    """Look at samples as they were recorded: codes, spikes, repeats, flat tops, the least step.
+    """Look at samples as they were recorded: codes, spikes, repeats, flat tops, the least step,
+    what a supply or a trigger adds; steady tones round a ring are waves.
 
     Returns:
         Values, shape (C, nt, nx), NaN where a sample is missing, and their times; for how many
@@ -62,6 +64,8 @@ def samples(
                              f"flat tops at {where}"))  # fmt: skip
     values = one_converter(values, x, labels, found)
     values = without_recovery(values, t, x, labels, quantum, found)
+    for component in values if not ring else ():
+        without_lines(component, t, x, labels, found)
     if _noisy(values):
         tell_processed(values, flat, quantum, found)
     values = without_stuck(values, t, x, labels, quantum, found)

@@ -69,7 +69,7 @@ def without_early_hum(
                 break
     which = list(hum)
     waves = np.array([wave for _, wave in hum.values()])
-    if which and not _passes(waves, x[which]):
+    if which and not passes(waves, x[which]):
         values[:, which] -= waves.T
         most = max(amplitude for amplitude, _ in hum.values())
         where = places(x, which, labels)
@@ -78,7 +78,7 @@ def without_early_hum(
     return values
 
 
-def _passes(waves: Float, x: Float) -> bool:
+def passes(waves: Float, x: Float) -> bool:
     """Whether sinusoids of one frequency, (n, nt), pass along a line, as a shaker's do: hum is in
     step everywhere, or turned round, so that one course stands for all, or has any phase."""
     if len(x) < _FEWEST_PASSED or not np.isfinite(x).all() or not np.ptp(x) > 0:
