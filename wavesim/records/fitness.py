@@ -69,11 +69,13 @@ def for_waves_along_line(record: Record) -> Record:
 
 
 def for_pulse_test(record: Record) -> Record:
-    """A pulse test without padding at its end.
+    """A pulse test without padding at its end, and without receivers that have large gaps.
 
     Raises:
         RecordError: more than a small gap is missing.
     """
+    if len(record.missing) and record.missing.sum() > _SMALL_GAP * len(record.missing):
+        record = record.without_gaps()
     missing = record.missing
     if len(missing) and missing.sum() > _SMALL_GAP * len(missing):
         raise RecordError(
@@ -162,7 +164,10 @@ def _read_from_others(ring: Record) -> Record:
 
 def live(record: Record) -> Record:
     """Without the frames at its end in which nothing changes at any receiver: padding."""
-    changes = np.flatnonzero((np.diff(record.values, axis=1) != 0).any(axis=(0, 2)))
+    changing = (np.diff(record.values, axis=1) != 0).any(axis=(0, 2))
+    if len(record.missing):
+        changing |= record.missing[1:]
+    changes = np.flatnonzero(changing)
     # The first frame of a padding is no signal either.
     last = int(changes[-1]) + 1 if len(changes) else len(record.t)
     if last >= len(record.t) - _PADDED or last < FEWEST_FRAMES:

@@ -88,11 +88,11 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
             f"{path}: holds {len(record.values)} components ({', '.join(record.names)}); name one "
             "with --values"
         )
-    labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
     try:
         record = for_pulse_test(record)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from None
+    labels = record.labels or tuple(f"receiver {j + 1}" for j in range(len(record.x)))
     values, notes = record.values[0], record.notes
     missing = record.missing if len(record.missing) else np.zeros(len(record.t), bool)
     if missing.any():

@@ -336,7 +336,7 @@ def _sampled(now: Record, found: list[Finding]) -> tuple[Record, Mask, float]:
         now.values[..., ~alive] = 0.0
         now = replace(now, misfit=~alive)
     else:
-        tell_dead(now.x, alive, now.labels, found)
+        tell_dead(now.x, alive, now.labels, found, "mostly missing")
         now = now.receivers(alive)
     values, t, held, quantum, flat, spare = samples(
         now.values, now.t, now.x, now.labels, now.ring, found

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
-from wavesim.records.faults.moveout import delay_of, jump
+from wavesim.records.faults.moveout import arrivals, delay_of, jump, speed
 from wavesim.records.faults.quiet import Rest
 from wavesim.records.faults.unfit_receivers import Waves, along_line, unfit
 
@@ -30,6 +30,8 @@ _DAMPING = 8.0
 # Frequencies count above this part of the greatest power, and so many times above what is there at
 # the highest.
 _STRONG, _ABOVE = 0.05, 10.0
+# Phases run no slower than signals do by this factor.
+_SLOWER = 1.5
 # Waves spread as r^c, c from this to 0, from so many spacings before the line or behind it.
 _SPREADS, _BEFORE = -1.6, (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 _FEWEST_SPREAD = 8
@@ -183,7 +185,8 @@ def _judge(
     known = dead | ~heard
     if (~known).sum() < FEWEST - 1:
         return found
-    U, waves = U / fall, along_line(x)
+    v = speed(x, arrivals(values, t, rest)[0])
+    U, waves = U / fall, along_line(x, _SLOWER * omega[-1] / v if np.isfinite(v) else 0.0)
     if len(x) < _FEW and not known.any() and (pair := _exchanged(U, waves)):
         a, b = pair
         return {a: ("swapped", float(part[b])), b: ("swapped", float(part[a]))}

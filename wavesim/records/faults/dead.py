@@ -18,6 +18,8 @@ Mask = NDArray[np.bool_]
 _DEAD = 1e-12
 # A receiver with more than this part of its samples missing is left out.
 _MOST_MISSING = 0.2
+# … but for what is before its first and after its last, of which there is this part and more.
+_RECORDED = 0.1
 # A field is odd about a receiver where this part of its power is left of it and its mirror image.
 _ODD = 0.1
 
@@ -38,6 +40,8 @@ def living(
         if not seen.any():
             raise RecordError("no sample is finite: every receiver is dead or mostly missing")
         gone = (~finite[:, seen]).mean(axis=(0, 1)) > _MOST_MISSING
+        if not ring:
+            gone &= ~_cut_short(finite[:, seen].all(axis=0))
         some = np.where(finite, values, np.nan)
     dead: Mask = np.asarray(gone)
     if still:
@@ -58,6 +62,14 @@ def living(
             f"least {least_living} must live"
         )
     return ~dead
+
+
+def _cut_short(there: Mask) -> Mask:
+    """Which receivers begin late or end early and are whole between, shape (nx,)."""
+    span = len(there) - np.argmax(there, axis=0) - np.argmax(there[::-1], axis=0)
+    return np.asarray(
+        (there.mean(axis=0) > _RECORDED) & (there.sum(axis=0) >= (1 - _MOST_MISSING) * span)
+    )
 
 
 def _nodes(values: Float) -> Mask:
@@ -89,9 +101,11 @@ def check_whole(x: Float, lost: Mask, labels: tuple[str, ...]) -> None:
         )
 
 
-def tell_dead(x: Float, alive: Mask, labels: tuple[str, ...], found: list[Finding]) -> None:
-    """A finding for all that are dead."""
+def tell_dead(
+    x: Float, alive: Mask, labels: tuple[str, ...], found: list[Finding], what: str = "dead"
+) -> None:
+    """A finding for all that are dead, or mostly missing."""
     if not alive.all():
         where, count = places(x, ~alive, labels), int((~alive).sum())
-        found.append(Finding("dead", where, f"{count} of {len(x)}", TAKEN_OUT,
-                             f"{count} dead receivers left out ({where})"))  # fmt: skip
+        found.append(Finding(what, where, f"{count} of {len(x)}", TAKEN_OUT,
+                             f"{count} {what} receivers left out ({where})"))  # fmt: skip

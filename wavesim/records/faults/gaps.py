@@ -16,6 +16,8 @@ Mask = NDArray[np.bool_]
 FEWEST_FRAMES = 16
 # A first frame of zeros is none where the next ones are off by this many times their own range.
 _HEAD, _APART = 8, 4.0
+# Samples beside a gap that goes on to an end are at rest to so many deviations.
+_BESIDE, _REST = 32, 6.0
 # A break of up to this many frames at one receiver is bridged.
 BRIDGED = 2
 
@@ -97,7 +99,9 @@ def bridged(
             inside = start >= 2 and stop <= len(t) - 2
             if stop - start <= BRIDGED and inside:
                 continue
-            if quiet[_about(start, stop, len(t)), r].all():
+            if quiet[_about(start, stop, len(t)), r].all() or _ended(
+                values[c], quiet, int(r), int(start), int(stop)
+            ):
                 long[start:stop] = True
                 still += int(stop - start)
             else:
@@ -130,7 +134,8 @@ def bridged(
     if still:
         found.append(
             Finding("samples missing", where, str(still), CURED,
-                    f"{still} missing samples where all is quiet filled with the mean there")
+                    f"{still} missing samples where all is quiet filled with the mean there "
+                    f"({where})")
         )  # fmt: skip
     told = any(finding.what == "frames missing" for finding in found)
     if missing.any() and (broken.any() or not told):
@@ -147,6 +152,33 @@ def bridged(
             f"{FEWEST_FRAMES} whole ones are needed"
         )
     return values, missing, broken
+
+
+def _ended(v: Float, quiet: Mask, r: int, start: int, stop: int) -> bool:
+    """Whether a receiver that ends early, or begins late, is at rest there, and its neighbours go
+    on so: what it would show is no more than they do.
+
+    Args:
+        v: one component, shape (nt, nx), NaN where a sample is missing.
+        quiet: samples at which nothing but noise is about, shape (nt, nx).
+        r, start, stop: the receiver; first frame that is missing and the first behind.
+    """
+    if start > 0 and stop < len(v):
+        return False
+    beside = slice(max(0, start - _BESIDE), start) if start else slice(stop, stop + _BESIDE)
+    there = np.flatnonzero(np.isfinite(v[start:stop]).all(axis=0))
+    before, behind = there[there < r][-1:], there[there > r][:1]
+    if not len(before) + len(behind):
+        return False
+    for n in (r, *before, *behind):
+        head = v[quiet[:, n] & np.isfinite(v[:, n]), n]
+        part = v[beside if n == r else slice(start, stop), n]
+        part = part[np.isfinite(part)]
+        if min(len(head), len(part)) < _HEAD:
+            return False
+        if np.abs(part - head.mean()).max() > _REST * max(float(head.std()), 1e-9 * np.ptp(head)):
+            return False
+    return True
 
 
 def cut_apart(missing: Mask, quiet: Mask) -> bool:

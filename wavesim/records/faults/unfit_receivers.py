@@ -189,9 +189,13 @@ def round_ring(U: Any, good: Mask) -> tuple[Any, Float]:
     return V, np.maximum(rest, _ROUNDING**2 * np.mean(np.abs(seen) ** 2, axis=1))
 
 
-def along_line(x: Float) -> Waves:
-    """Few waves of any wavenumber that receivers at x tell apart, ±π/d, one by one."""
-    k = np.linspace(-1, 1, _FINE * len(x) + 1)[:-1] * np.pi / float(np.median(np.diff(x)))
+def along_line(x: Float, most: float = 0.0) -> Waves:
+    """Few waves of any wavenumber that receivers at x tell apart, ±π/d, one by one; where they
+    stand unevenly up to the most that any has, rad/m, which is no alias of another there."""
+    gaps = np.diff(x)
+    further = most if np.ptp(gaps) > 1e-3 * gaps.mean() else 0.0
+    parts = max(1, int(np.ceil(further * float(np.median(gaps)) / np.pi)))
+    k = np.linspace(-1, 1, _FINE * len(x) * parts + 1)[:-1] * parts * np.pi / np.median(gaps)
     steer = np.exp(1j * np.outer(k, x - x.mean()))
 
     def waves(U: Any, good: Mask) -> tuple[Any, Float]:

@@ -1,0 +1,55 @@
+"""Samples that are not there, whatever stands in their place; and channels that are well beside.
+
+The law: the pulse of `test_record_faults.py`, k = ω/c exactly, in white noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_record_faults import CLEAN, SPEED, N, T, X, along, changed, put, ricker
+
+from wavesim.records.record import record
+
+BEST, _, MANY, _ = along(CLEAN)
+END = slice(250, None)  # the wave has passed all receivers at 210
+UNEVEN = ([0.5, 0.5, 1.5, 0.3], [1.0, 1.0, 0.5, 0.5], [1.0, 0.8, 1.0, 0.3], [1.5, 0.8, 0.8, 0.8])
+
+
+@pytest.mark.parametrize("steps", UNEVEN)
+def test_uneven_receivers_more_than_half_a_wavelength_apart_are_well(steps, rng):
+    """No k within ±π/d is theirs, and no receiver is to blame: steps in wavelengths of 5e4 Hz."""
+    x = 0.03 + np.r_[0, np.cumsum(steps)] * SPEED / 5e4
+    u = ricker(T[:, None] - x / SPEED) * np.exp(-x) + 1e-3 * rng.standard_normal((len(T), len(x)))
+    assert not record(u, T, x).findings
+    if not (2 * np.array(steps) % 1).any():
+        return  # half waves tell no polarity
+    u[:, 2] *= -1
+    (told,) = record(u, T, x).findings
+    assert (told.what, told.where) == ("reversed", f"x = {x[2]:g} m")
+
+
+@pytest.mark.parametrize("which", [(3,), (0,), (2, 3, 6)])
+def test_a_channel_that_ends_when_its_wave_has_passed_is_read_as_far_as_it_goes(which):
+    u = changed(put(np.nan, END, list(which)))
+    error, held, many, one = along(u)
+    assert len(one.origin.record.x) == N
+    assert error < 3 * BEST
+    assert held >= 0.9
+    assert many >= 0.9 * MANY
+    late = changed(put(np.nan, slice(0, 30), list(which)))
+    assert along(late)[0] < 3 * BEST
+
+
+def test_a_channel_that_ends_within_its_wave_is_left_out_alone():
+    u = changed(put(np.nan, slice(110, None), 3))
+    error, held, _, _ = along(u)
+    found = record(u, T, X)
+    assert found.broken.tolist() == [j == 3 for j in range(N)]
+    assert not {f.what for f in found.findings} & {"dead", "misfit", "mis-scaled", "delayed"}
+    assert error < 3 * BEST
+    assert held >= 0.9
+    # Where all others hear an echo later, it is not known whether this one does.
+    echo = CLEAN + 0.4 * np.roll(CLEAN, 500, axis=0)
+    echo[END, 3] = np.nan
+    assert record(echo, T, X).broken[3]
