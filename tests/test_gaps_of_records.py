@@ -53,3 +53,70 @@ def test_a_channel_that_ends_within_its_wave_is_left_out_alone():
     echo = CLEAN + 0.4 * np.roll(CLEAN, 500, axis=0)
     echo[END, 3] = np.nan
     assert record(echo, T, X).broken[3]
+
+
+def filled(how, which=(1, 4), begin=95, long=30):
+    """The record with a stretch of so many samples within the wave filled in as programs do."""
+    u = CLEAN.copy()
+    for j in which:
+        a, b = begin + 10 * j, begin + 10 * j + long
+        u[a:b, j] = {
+            "straight": np.interp(np.arange(a, b), [a - 1, b], u[[a - 1, b], j]),
+            "held": u[a - 1, j],
+            "zero": 0.0,
+        }[how]
+    return u
+
+
+STORED = {
+    "doubles": lambda u: u,
+    "singles": lambda u: u.astype(np.float32),
+    "16 bits": lambda u: np.round(u * 3e4).astype(np.int16),
+    "five decimals": lambda u: np.round(u, 5),
+}
+
+
+@pytest.mark.parametrize("stored", STORED)
+@pytest.mark.parametrize("how", ["straight", "held", "zero"])
+def test_stretches_that_were_filled_in_are_missing(how, stored):
+    """Where the wave is, these receivers are left out; where all is quiet nothing is lost."""
+    u = STORED[stored](filled(how))
+    found = record(u, T, X)
+    told = {finding.what for finding in found.findings}
+    assert told & {"filled in", "stuck"}
+    assert found.broken.tolist() == [j in (1, 4) for j in range(N)]
+    if stored == "doubles":
+        error, held, _, _ = along(u)
+        assert error < 3 * BEST
+        assert held >= 0.9
+    quiet = record(STORED[stored](filled(how, begin=500)), T, X)
+    (told,) = [finding for finding in quiet.findings if finding.what == "filled in"]
+    assert told.where == "x = 0.025, 0.04 m, from t = 0.000255 s"
+    assert not quiet.broken.any()
+    everywhere = CLEAN.copy()
+    everywhere[500:560] = 0
+    assert "filled in" in {finding.what for finding in record(everywhere, T, X).findings}
+
+
+SMOOTH = ricker(T[:, None] - X / SPEED)
+LATE = T[:, None] - 1e-4 - X / SPEED
+BURST = np.where(np.abs(LATE) < 4e-5, np.sin(2 * np.pi * 5e4 * LATE), 0)
+
+
+@pytest.mark.parametrize(
+    "u",
+    [
+        CLEAN,
+        np.round(CLEAN * 100),
+        np.round(SMOOTH * 100),
+        np.round(CLEAN * 3000),
+        CLEAN.astype(np.float32),
+        SMOOTH.astype(np.float32),
+        SMOOTH,
+        np.array([float(f"{v:.4g}") for v in CLEAN.ravel()]).reshape(CLEAN.shape),
+        np.array([float(f"{v:.4g}") for v in SMOOTH.ravel()]).reshape(CLEAN.shape),
+        BURST + 0.5 * np.roll(BURST, 400, axis=0),
+    ],
+)
+def test_nothing_was_filled_in_where_noise_is_less_than_rounding_or_none(u):
+    assert "filled in" not in {finding.what for finding in record(u, T, X).findings}

@@ -185,7 +185,8 @@ def _judge(
     known = dead | ~heard
     if (~known).sum() < FEWEST - 1:
         return found
-    v = speed(x, arrivals(values, t, rest)[0])
+    own = replace(rest, **{k: v[..., part] for k, v in vars(rest).items()})
+    v = speed(x, arrivals(values, t, own)[0])
     U, waves = U / fall, along_line(x, _SLOWER * omega[-1] / v if np.isfinite(v) else 0.0)
     if len(x) < _FEW and not known.any() and (pair := _exchanged(U, waves)):
         a, b = pair

@@ -14,6 +14,7 @@ from wavesim.records.faults.channels import Mended, misfits
 from wavesim.records.faults.clipping import clipped, tell_processed, without_stuck
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
+from wavesim.records.faults.filled_in import without_filled_in
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.frame_times import check_clock, check_goes_on, once_each
 from wavesim.records.faults.hum import without_early_hum
@@ -69,6 +70,7 @@ def samples(
     if _noisy(values):
         tell_processed(values, flat, quantum, found)
     values = without_stuck(values, t, x, labels, quantum, found)
+    values = without_filled_in(values, t, x, labels, found)
     values = without_spikes(values, t, x, labels, flat, found)
     quantisation.tell(quantum, values, x, labels, found)
     hands = clocks(values)
