@@ -20,6 +20,8 @@ TIMES = ("t", "time", "times", "tt", "taxis", "timeaxis", "tvec", "timevector", 
 POSITIONS = ("x", "position", "positions", "pos", "receivers", "offset", "offsets", "distance",
               "distances", "dist", "xaxis", "xvec", "xpos", "rx", "locations", "location",
               "coordinates")  # fmt: skip
+# Positions where a unit of length stands in their name too.
+_PLACES = ("r", "y", "z", "range", "radius", "depth", "depths", "offs", "place", "places")
 INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "samplingperiod",
              "sampleperiod", "timeinterval", "tstep", "timestep", "ts", "xinc", "xincrement",
              "deltax", "tinterval", "tinc", "hresolution", "wfincrement")  # fmt: skip
@@ -53,7 +55,8 @@ def is_axis(content: Content, name: str, kind: str) -> bool:
     dates = name in content.arrays and content.arrays[name].dtype.kind in "mM"
     if dates:
         return kind == "time"
-    return bare(name) in usual or factor(content.units.get(name), kind) is not None
+    placed = kind == "position" and bare(name) in _PLACES and unit_in(name, kind) is not None
+    return bare(name) in usual or placed or factor(content.units.get(name), kind) is not None
 
 
 def listed(arrays: dict[str, Float]) -> str:

@@ -208,6 +208,10 @@ def _reader(path: Path) -> tuple[Callable[..., Content], str]:
         from wavesim.records.formats.numpy_files import from_npz
 
         return from_npz, "NumPy's"
+    if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
+        from wavesim.records.formats.wav import from_wav
+
+        return from_wav, "WAV"
     numbers = re.fullmatch(rb"[\s\d.,;eE+-]*\d[\s\d.,;eE+-]*", start)
     if kind in _TEXT or numbers:
         from wavesim.records.formats.csv_and_text import from_text
@@ -215,7 +219,7 @@ def _reader(path: Path) -> tuple[Callable[..., Content], str]:
         return from_text, "text"
     raise RecordError(
         f"of a kind that is not known ({kind or 'no suffix'}): give .csv or other text, .npz, "
-        ".npy, HDF5, .mat, netCDF, SEG-Y, SAC or miniSEED"
+        ".npy, HDF5, .mat, netCDF, SEG-Y, SAC, miniSEED or .wav"
     )
 
 

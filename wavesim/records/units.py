@@ -176,6 +176,8 @@ _SAID = (
     ),
     # ch1 (20 mm), of what receives alone: laser (633 nm), range (2 mm), ch1 (1 M) say none
     re.compile(rf"^(?i:{_RECEIVER})[\s_#-]*\w{{0,3}}\s*[(\[]()\s*({NUMBER})\s*{_UNIT}\s*[)\]]\s*$"),
+    # u(20 mm), v(20 mm)/(mm/s): a quantity as a function of place
+    re.compile(rf"^[uvwapyUVWAP][xyz]?\(()\s*({NUMBER})\s*{_UNIT}\s*\)\s*(?:/.*)?$"),
     # 20 mm and nothing else
     re.compile(rf"^()\s*({NUMBER})\s*{_UNIT}\s*$", re.IGNORECASE),
 )

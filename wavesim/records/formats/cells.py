@@ -133,6 +133,8 @@ def _since_first(
     text = [cell.strip().strip('"').replace(",", ".") for cell in column]
     of_day = all(re.fullmatch(r"\d\d?:\d\d:\d\d(?:\.\d+)?", cell) for cell in text)
     try:
+        if all(" day" in cell for cell in text):  # spans of time, which have a zero of their own
+            return np.asarray(pandas.to_timedelta(text) / pandas.Timedelta(seconds=1), float)
         if of_day:
             elapsed = pandas.to_timedelta(text)
             seconds = np.asarray((elapsed - elapsed[0]) / pandas.Timedelta(seconds=1), float)

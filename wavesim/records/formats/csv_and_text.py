@@ -49,6 +49,7 @@ def of_table(table: Table) -> Content:
     if len(kept) > 1 and _counts_rows(table, kept, sampling is not None):
         notes.append(f"column {table.columns[kept[0]]} numbers the rows: left out")
         kept, counted = kept[1:], True
+    notes += _counted_on(table, kept)
     clocks = _clocks(table, kept, counted)
     channels = [c for c in kept if c not in clocks]
     if not channels:
@@ -247,9 +248,36 @@ def _clocks(table: Table, kept: list[int], counted: bool) -> list[int]:
     return sorted({*named, *alike})
 
 
+_BITS = range(8, 49)
+
+
+def _counted_on(table: Table, kept: list[int]) -> list[str]:
+    """Times of a counter that begins anew at 2ⁿ, counted on, and a sentence for each."""
+    notes = []
+    for c in kept:
+        heading, column = table.headings[c], table.data[:, c]
+        timed = is_time(heading) or factor(table.units[c], "time") or unit_in(heading, "time")
+        steps = np.diff(column)
+        if not timed or _COUNTS.search(heading) or not len(steps) or not (steps < 0).any():
+            continue
+        usual = float(np.median(steps))
+        for size in (2.0**n for n in _BITS):
+            right = np.where(steps < 0, steps + size, steps)
+            if usual > 0 and np.abs(right - usual).max() <= _EVEN * usual and column.max() < size:
+                table.data[:, c] = column[0] + np.r_[0, np.cumsum(right)]
+                notes.append(f"column {table.columns[c]} begins anew at {size:.0f} "
+                             f"{int((steps < 0).sum())} times: counted on")  # fmt: skip
+                break
+    return notes
+
+
 def _rises(column: NDArray[Any]) -> bool:
     steps = np.diff(column[np.isfinite(column)])
     return len(steps) > 0 and bool((steps > 0).all())
+
+
+# Of what counts nothing says how long one takes.
+_COUNTS = re.compile(r"tick|count|sample|index", re.IGNORECASE)
 
 
 def _ascends(column: NDArray[Any]) -> bool:

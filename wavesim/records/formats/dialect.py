@@ -31,7 +31,7 @@ NUMBERS = {
 }
 CLOCK = re.compile(
     r"(?:\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./]\d{4})(?:[T ]\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?)?"
-    r"(?:Z|[+-]\d\d:?\d\d)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?"
+    r"(?:Z|[+-]\d\d:?\d\d)?|(?:-?\d+ days? [+-]?)?\d\d?:\d\d:\d\d(?:[.,]\d+)?"
 )
 # Most likely first: of those that read as many rows the first is taken.
 _DIALECTS = (("\t", "."), (";", "."), (";", ","), (",", "."), ("|", "."), ("\t", ","), (None, "."),
