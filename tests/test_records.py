@@ -275,7 +275,10 @@ def test_dead_receivers_are_left_out_of_a_stretch(made):
     found = record(values, T, X)
     assert len(found.x) == 58
     told = " ".join(found.notes)
-    assert all(f"dead receivers left out (x = {x} m)" in told for x in ("0.04, 0.3", "0.5"))
+    assert all(
+        f"{what} receivers left out (x = {x} m)" in told
+        for what, x in (("dead", "0.04, 0.3"), ("mostly missing", "0.5"))
+    )
     with pytest.raises(RecordError, match="not evenly spaced"):
         in_time(found)
     # Round a ring the others tell what they lack, but where many waves have one frequency.
