@@ -30,6 +30,7 @@ from wavesim.records.faults.moveout import (
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.quiet import Rest, rest
 from wavesim.records.faults.ring_misfits import ring_misfits
+from wavesim.records.faults.undersampling import tell_undersampled
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -180,6 +181,8 @@ def together(
                     "as many times as receivers: taken as times down, receivers across; transpose "
                     "the array if it is the other way round")
         )  # fmt: skip
+    if not ring:
+        tell_undersampled(values[strongest], own.noise, found)
     within = begun(values[strongest], own)
     place = None
     if line and nx > 2:
