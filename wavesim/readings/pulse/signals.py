@@ -184,7 +184,7 @@ def pulse_record(
     flat = clipped(values[None], quantum)[0]
     for j, first in enumerate(filled):
         values[:first, j] = values[first, j] if first else 0.0
-    values = without_steps(values, time, x, names, found)
+    without_steps(values, time, x, names, found)
     at_rest = rest(values, quantum)
     values = without_baseline(values, time, x, names, quantum, at_rest, found)
     quiet = np.full(len(names), np.nan if quiet_until is None else float(quiet_until))

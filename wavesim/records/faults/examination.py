@@ -31,7 +31,6 @@ from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.quiet import Rest, rest
 from wavesim.records.faults.recovery import without_recovery
 from wavesim.records.faults.ring_misfits import ring_misfits
-from wavesim.records.faults.steps import without_steps
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -94,14 +93,13 @@ def levels(
     ring: bool,
     found: list[Finding],
 ) -> tuple[Float, list[Rest]]:
-    """Steps, offset, drift and hum taken out; where each channel is at rest.
+    """Offset, drift and hum taken out; where each channel is at rest.
 
     Waves round a ring are steady tones, as a hum is, which all hear alike there: at k = 0.
     """
     resting = []
     for c in range(len(values)):
         if not ring:
-            values[c] = without_steps(values[c], t, x, labels, found)
             values[c] = without_early_hum(values[c], t, x, labels, found)
         own = rest(values[c], quantum)
         before = len(found)

@@ -33,23 +33,23 @@ _FEWEST_IN_ORDER = 3
 
 def without_steps(
     values: Float, t: Float, x: Float, labels: tuple[str, ...], found: list[Finding]
-) -> Float:
-    """One component without jumps of its channels' levels.
+) -> bool:
+    """Put jumps of channels' levels back, and say whether there were any.
 
     Args:
-        values: shape (nt, nx), NaN where missing; changed in place.
+        values: one component, shape (nt, nx), NaN where missing; changed in place.
         t, x, labels: times, positions and names of the receivers.
         found: findings, added to.
     """
     nt, nx = values.shape
     if nx < 2 or nt < 4 * max(FEWEST, nt // _ENDS):
-        return values
+        return False
     whole = np.isfinite(values).mean(axis=0) > 0.5
     moved = np.array([level_moves(_filled(v)) if one else 0.0
                       for v, one in zip(values.T, whole, strict=True)])  # fmt: skip
     those = np.flatnonzero(moved)
     if not len(those):
-        return values
+        return False
     u = np.stack([_filled(values[:, j]) for j in those], axis=1)
     at = _together(u, moved[those])
     if (at < 0).all():
@@ -58,10 +58,10 @@ def without_steps(
         steps = np.diff(own)
         in_order = len(own) < _FEWEST_IN_ORDER or (steps >= 0).all() or (steps <= 0).all()
         if in_order and len(those) > 1:
-            return values
+            return False
     which, at = those[at >= 0], at[at >= 0]
     if not len(which):
-        return values
+        return False
     peak = np.nanmax(np.abs(values - np.nanmedian(values, axis=0)), axis=0)
     for j, i in zip(which, at, strict=True):
         values[i + 1 :, j] -= moved[j]
@@ -74,10 +74,10 @@ def without_steps(
         when = f"from t = {t[at.min() + 1]:.4g} s on, each at a time of its own"
     where = places(x, which, labels)
     found.append(
-        Finding("step", where, size, CURED,
+        Finding("level jumps", where, size, CURED,
                 f"levels that jump {when}, by up to {size}, put back ({where})")
     )  # fmt: skip
-    return values
+    return True
 
 
 def _filled(v: Float) -> Float:
