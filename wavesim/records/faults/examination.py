@@ -29,6 +29,7 @@ from wavesim.records.faults.moveout import (
 )
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.quiet import Rest, rest
+from wavesim.records.faults.recovery import without_recovery
 from wavesim.records.faults.ring_misfits import ring_misfits
 from wavesim.records.faults.undersampling import tell_undersampled
 
@@ -61,6 +62,7 @@ def samples(
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
                              f"flat tops at {where}"))  # fmt: skip
     values = one_converter(values, x, labels, found)
+    values = without_recovery(values, t, x, labels, quantum, found)
     if _noisy(values):
         tell_processed(values, flat, quantum, found)
     values = without_stuck(values, t, x, labels, quantum, found)
