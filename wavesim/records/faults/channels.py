@@ -35,7 +35,8 @@ _SPREADS, _BEFORE = -1.6, (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 _FEWEST_SPREAD = 8
 # The others agree where no more than this part of the power is left.
 _AGREED = 0.2
-# A factor, a delay or an exchange explains all but these parts of what a channel shows.
+# A factor, a delay or an exchange explains all but these parts of what a channel shows, and a delay
+# of what the others do not tell of it.
 _ALONE, _LATE, _EXCHANGED = 0.1, 0.3, 0.15
 # Factors nearer to 1 are none, at the ends, where waves may fall off otherwise, and elsewhere; and
 # nearer to −1 they are a polarity.
@@ -221,7 +222,9 @@ def _judge(
             elif factor < 0 or abs(np.log(factor)) > least:
                 found[j] = "mis-scaled", factor
         else:
-            found[j] = ("delayed", delay) if late < _LATE * size else ("misfit", 0.0)
+            plain = float(np.sum(np.abs(U[:, j] - V[:, j]) ** 2))
+            alone = late < min(_LATE * size, _ALONE * plain)
+            found[j] = ("delayed", delay) if alone else ("misfit", 0.0)
     return found
 
 

@@ -183,9 +183,12 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
             )
         size = np.nanmax(np.abs(v), axis=0)
         dips = []
-        for lobes in (np.abs(v) > _LOBE * size).T:
-            gaps = np.diff(np.flatnonzero(lobes)) - 1
-            dips.append(np.sum((gaps > 0) & (gaps < lobes.sum() / (1 + np.sum(gaps > 0)))))
+        for u, lobes in zip(v.T, (np.abs(v) > _LOBE * size).T, strict=True):
+            at = np.flatnonzero(lobes)
+            gaps = np.diff(at) - 1
+            short = (gaps > 0) & (gaps < lobes.sum() / (1 + np.sum(gaps > 0)))
+            dips.append(sum(_to_rest(u[i : i + n + 2]) for i, n in zip(at[:-1][short], gaps[short],
+                                                                       strict=True)))  # fmt: skip
         low = np.median(np.nanmedian(v, axis=0) < _AT_REST * size) == 1
         many = np.median(dips) >= _DIPS or (len(dips) >= _ALL_OF and min(dips) > 0)
         rest = np.nanmedian(v, axis=0)
@@ -215,6 +218,12 @@ def tell_processed(values: Float, flat: Mask, quantum: Float, found: list[Findin
         if alike or gain:
             said += ", so that amplitudes along them tell nothing"
             found.append(Finding(NORMALISED, "all receivers", alike or gain, TOLD, said))
+
+
+def _to_rest(dip: Float) -> bool:
+    """Whether values between two lobes come down to 0 as |u| does: to within half a step of u."""
+    low = int(np.argmin(dip))
+    return bool(dip[low] <= np.abs(np.diff(dip))[max(low - 1, 0) : low + 1].max())
 
 
 def _of_magnitudes(v: Float) -> bool:

@@ -29,7 +29,9 @@ from wavesim.records.faults.moveout import (
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.order import check_order
 from wavesim.records.faults.quiet import Rest, rest
+from wavesim.records.faults.recovery import without_recovery
 from wavesim.records.faults.ring_misfits import ring_misfits
+from wavesim.records.faults.undersampling import tell_undersampled
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -60,6 +62,7 @@ def samples(
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
                              f"flat tops at {where}"))  # fmt: skip
     values = one_converter(values, x, labels, found)
+    values = without_recovery(values, t, x, labels, quantum, found)
     if _noisy(values):
         tell_processed(values, flat, quantum, found)
     values = without_stuck(values, t, x, labels, quantum, found)
@@ -177,6 +180,8 @@ def together(
                     "as many times as receivers: taken as times down, receivers across; transpose "
                     "the array if it is the other way round")
         )  # fmt: skip
+    if not ring:
+        tell_undersampled(values[strongest], own.noise, found)
     within = begun(values[strongest], own)
     place = None
     if line and nx > 2:

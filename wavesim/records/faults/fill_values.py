@@ -78,9 +78,12 @@ def unwrapped(values: Float, found: list[Finding]) -> Float:
         ends = np.mean((component == low) | (component == high))
         for size in ranges:
             part = (high - low + (quantum if whole else 0)) / size
-            wraps = int(np.sum(steps > _MIDDLE[1] * size))
+            beyond = steps > _MIDDLE[1] * size
+            wraps = int(beyond.sum())
             between = int(np.sum((steps > _MIDDLE[0] * size) & (steps <= _MIDDLE[1] * size)))
-            if not (_FILLED < part < 1 + 1e-6 and between <= _BETWEEN * wraps and wraps >= _WRAPS):
+            # What all do at once is a step.
+            often = beyond.any(axis=1).sum() >= _WRAPS
+            if not (_FILLED < part < 1 + 1e-6 and between <= _BETWEEN * wraps and often):
                 continue
             # Signed numbers read as unsigned ones are whole about the range's end.
             about = (component - low + size / 2) % size
