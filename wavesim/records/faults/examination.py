@@ -28,6 +28,7 @@ from wavesim.records.faults.moveout import (
 )
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.order import check_order
+from wavesim.records.faults.polarity import turned_round
 from wavesim.records.faults.quiet import Rest, rest
 from wavesim.records.faults.recovery import without_recovery
 from wavesim.records.faults.ring_misfits import ring_misfits
@@ -167,7 +168,9 @@ def together(
     if ring:
         mended, odd = ring_misfits(values[:, t >= quiet_from], lost, x, labels, found)
     elif len(values) == 1 and not as_recorded:
-        mended = misfits(values[0], t, x, labels, own, unsure, found)
+        turned = turned_round(values[0], t, x, labels, own, found).factor
+        mended = misfits(values[0] * turned, t, x, labels, own, unsure, found)
+        mended.factor *= turned[mended.order]
         if not mended.out.any():
             right = values[0][:, mended.order] * mended.factor
             more = unlike_neighbours(right, x, labels, unsure, found)

@@ -53,10 +53,12 @@ def check_order(
         own = living[np.isfinite(times[living])]
         if len(own) < max(_SEEN * len(living), _FEWEST):
             continue
-        right = component[:, mended.order[own]] * mended.factor[own]
+        given = component[:, mended.order[own]] * mended.factor[own]
         order = _order_of_travel(times[own], x[own])
         moved = order != np.arange(len(order))
-        if moved.sum() < fewest or not _few_waves(right, t, x[own], rest, own, order):
+        if moved.sum() < max(fewest, 1):
+            continue
+        if not few_waves_alone(given[:, order], given, t, x[own], rest, own):
             continue
         listed = ", ".join(str(j + 1) for j in mended.order[own][order][:_LISTED])
         raise RecordError(
@@ -108,20 +110,24 @@ def _left(times: Float, away: Float) -> tuple[Float, Float]:
     return np.sum((times - slope[:, None] * away) ** 2, axis=1), slope
 
 
-def _few_waves(
-    values: Float, t: Float, x: Float, rest: Rest, own: NDArray[np.int64], order: NDArray[np.int64]
+def few_waves_alone(
+    right: Float, given: Float, t: Float, x: Float, rest: Rest, own: NDArray[np.int64]
 ) -> bool:
-    """Whether few waves leave far less of the field in that order than in that of positions."""
-    if (found := strong_spectrum(values, t, rest, own)) is None:
-        return False
-    along = np.arange(len(x))
-    moved = np.cumsum(np.append(0, order != along))
+    """Whether few waves leave far less of a field put right than of it as it was given.
+
+    Args:
+        right, given: of receivers at x, shape (nt, nx), of which some differ.
+        t, x: times, s, and places, ascending, m.
+        rest: of all channels; own are those, shape (nx,).
+    """
+    differs = np.cumsum(np.append(0, (right != given).any(axis=0)))
     starts = np.arange(max(len(x) - TOGETHER, 0) + 1)
-    start = int(np.argmax(moved[starts + min(TOGETHER, len(x))] - moved[starts]))
-    part = along[start : start + TOGETHER]
-    waves, good, left = along_line(x[part]), np.ones(len(part), bool), []
-    for one in (order[part], part):
-        U = found[0][:, one]
-        U = U / fall_off(np.abs(U), x[part])
+    start = int(np.argmax(differs[starts + min(TOGETHER, len(x))] - differs[starts]))
+    part = slice(start, start + TOGETHER)
+    waves, good, left = along_line(x[part]), np.ones(len(x[part]), bool), []
+    for values in (right, given):
+        if (found := strong_spectrum(values[:, part], t, rest, own[part])) is None:
+            return False
+        U = found[0] / fall_off(np.abs(found[0]), x[part])
         left.append(float(np.median(waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1))))
-    return bool(left[0] < _LESS * left[1])
+    return left[0] < _LESS * left[1]
