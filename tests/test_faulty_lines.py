@@ -426,3 +426,22 @@ def test_what_is_off_at_all_frequencies_is_where_noise_hides_it(unlike):
     bars = deviation(fit, np.full(5, 2), np.full(5, 0.02**2)) * fit.unit[:, 0]
     assert np.abs(np.diff(fit.k[:, 0])).max() < 1e-6
     assert bars[3:].min() > 0.99 * bars[:3].max()
+
+
+@pytest.mark.parametrize(("fault", "said"), [("noisy", "misfit"), ("coupled", "misfit"),
+                                             ("late", "delayed")])  # fmt: skip
+def test_a_channel_is_late_where_that_is_all_that_is_off(fault, said):
+    """Law: u(t − τ) is all told by the others and τ; a hiss of its own, or a part of its neighbour
+    a third of a wavelength away, is not."""
+    u = passing(0.02 + 0.02 * np.arange(12), [(plain, lambda x: 1 + 0 * x)], 5e4, T)
+    u += 1e-3 * np.random.default_rng(2).normal(size=u.shape)
+    own, size = u[:, 5], np.abs(u).max()
+    if fault == "noisy":
+        u[:, 5] = own + 0.15 * size * np.random.default_rng(3).normal(size=len(T))
+    elif fault == "coupled":
+        u[:, 5] = own + 0.35 * u[:, 4]
+    else:
+        u[:, 5] = np.roll(own, 4)
+    (found,) = record(u, T, 0.02 + 0.02 * np.arange(12)).findings
+    assert found.what == said
+    assert "x = 0.12 m" in found.where

@@ -61,6 +61,50 @@ def test_a_straight_drift_is_taken_out_and_another_refuses(clean):
     assert "wanders" in found.record.notes[-1]
 
 
+@pytest.mark.parametrize("when", [-5e-6, 1.1e-5])
+@pytest.mark.parametrize("sizes", [[0.3, -0.15, 0.06, 0.24, 0.03], [0, 0, 0.4, 0, 0]])
+def test_a_level_that_jumps_is_put_back(clean, when, sizes):
+    """Law: what jumps at all receivers at once, or at one alone, is no wave; of the clean record
+    it leaves c and Q, before the wave and within it."""
+    exact, _ = speed(clean)
+    found, _ = speed(clean + (when < T)[:, None] * np.array(sizes))
+    assert "levels that jump at t" in found.record.notes[0]
+    for name, one in found.velocities.items():
+        assert one.velocity == pytest.approx(exact.velocities[name].velocity, rel=5e-3), name
+    assert found.quality.quality == pytest.approx(50, abs=3 * found.quality.error + 0.5)
+
+
+def test_a_level_that_moves_slowly_names_itself(clean):
+    """Half a peak, in a period: beyond it first breaks alone were read, of the base's movement."""
+    moved = -np.expm1(-np.maximum(T + 1e-5, 0) / 2e-6)[:, None] * np.full(5, 0.5)
+    found, one = speed(clean + moved)
+    assert np.isnan(one.velocity)
+    assert "ends at another level" in found.record.notes[-1]
+
+
+def test_a_wave_that_leaves_its_level_behind_is_no_jump():
+    """Law: a step that travels comes to each receiver later, and is left as it is."""
+    values = 1.0 * (T[:, None] > X / C) + 1e-3 * np.random.default_rng(5).standard_normal((4000, 5))
+    found, _ = speed(values)
+    assert "jump" not in " ".join(found.record.notes)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_of_receivers_about_a_source_one_side_is_read(tmp_path, told):
+    """Law: the wave runs both ways from the source, so that |x| is its path; by the file's word for
+    it, or, where receivers are many, by the earliest arrivals."""
+    x = 0.01 * np.array([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5, 3.5])
+    values = np.stack([ricker(T - abs(place) / C, F, 3e-6) for place in x], axis=1)
+    values += 1e-3 * np.random.default_rng(6).standard_normal(values.shape)
+    told_by = {"sources": np.array([0.0])} if told else {}
+    np.savez(tmp_path / "split.npz", t=T, x=x, u=values, **told_by)
+    (test,) = of_pulse_file(tmp_path / "split.npz", Layout())
+    assert list(test.positions.values()) == pytest.approx([0.005, 0.015, 0.025, 0.035], abs=6e-4)
+    best = read_array("", test.t, test.signals, test.positions).best
+    assert best.velocity == pytest.approx(C, abs=2 * best.velocity_error)
+    assert best.valid
+
+
 def test_marks_of_overload_and_flat_tops_leave_a_receiver_out(clean):
     _, exact = speed(clean)
     for spoil, word in ((lambda u: np.where(np.arange(len(u)) == 100, 9.99e37, u), "9.99e+37"),

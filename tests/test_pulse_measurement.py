@@ -274,6 +274,7 @@ def test_it_knows_signals_alone():
         "wavesim.records.faults.moveout",
         "wavesim.records.faults.quantisation",
         "wavesim.records.faults.quiet",
+        "wavesim.records.faults.steps",
         "wavesim.records.faults.unfit_receivers",
         "wavesim.records.units",
         "wavesim.records.windows",

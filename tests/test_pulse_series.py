@@ -5,6 +5,7 @@ import pytest
 
 from wavesim.readings.pulse.power_law import off_the_law
 from wavesim.readings.pulse.reading import Wanted
+from wavesim.readings.pulse.series import follow_clearest
 from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.transmission_record import transmission_record
 
@@ -135,6 +136,17 @@ def test_a_record_that_is_refused_leads_no_other(part):
     assert not found[2].best.valid
     assert [found[i].best.time for i in some] == [one.best.time for one in without]
     assert [found[i].best.error for i in some] == [one.best.error for one in without]
+
+
+@pytest.mark.parametrize("other", [3, 4])
+def test_of_the_clearest_records_those_lead_that_bear_each_other_out(other):
+    """The clearest by its own direct wave, which is the others' second one: the times of the first
+    stand for all, whichever of them is said to be the clearest."""
+    records = [of(i, 1.2e4, [(T, 1.0), (1.5 * T, 0.8)]) for i, T in enumerate(TIME)]
+    alone = np.where(np.arange(5) == other, 1.5, 1.0) * TIME
+    leaders = [other, *(i for i in (4, 3, 2) if i != other)]
+    found = follow_clearest(records, range(5), leaders, 0.0, np.log(TIME), alone, False)
+    assert found.time == pytest.approx(TIME, abs=0.2 / 1.2e4)
 
 
 def test_a_record_under_a_wrong_stress_is_told_with_its_speed_and_has_no_part_in_the_law():

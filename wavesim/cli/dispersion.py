@@ -89,12 +89,12 @@ def _extract(given: dict[str, Any], kind: str, **asked: Any) -> None:
     if given["out"]:
         _write(results, answer, kind, Path(given["out"]), Path(drawn))
     if not any(one.points.valid.any() for one in results):
+        from wavesim.readings.dispersion.fft_peaks import BROAD
         from wavesim.readings.dispersion.simplest_waves import QUIET
 
         # Frequencies beside the signal's are quiet in every record: others tell more.
-        reasons = [r for one in results for r in one.points.reason if r]
-        reasons = [r for r in reasons if r != QUIET] or [QUIET]
-        why = max(set(reasons), key=reasons.count)
+        reasons = [r for one in results for r in one.points.reason if r not in ("", QUIET)]
+        why = max(set(reasons), key=reasons.count, default=BROAD if kind == "dispersion" else QUIET)
         stop(f"{file}: no valid point: {why}", FELL_SHORT)
     if not answer["passed"]:
         sys.exit(FELL_SHORT)

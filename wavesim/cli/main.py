@@ -105,8 +105,6 @@ def main() -> None:
 @QUIET
 def run(**given: Any) -> None:
     """Integrate CASE, measure its waves, and hold them against the plane-wave solver."""
-    # Its matrices are small: threads that wait for each other's parts keep all cores busy.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.disable()  # what is loaded stays: to look through it for garbage takes a twentieth of a run
     from wavesim.report.run_files import begun_beside
 
@@ -273,6 +271,8 @@ def entry() -> None:
     jax takes half a second to take itself down; all that a command writes is written before.
     """
     code: Any = 0
+    # Matrices are small here: threads that wait for each other's parts keep all cores busy.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         if not sys.warnoptions:
             warnings.simplefilter("ignore")  # what is amiss a command says itself

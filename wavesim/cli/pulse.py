@@ -219,7 +219,7 @@ def _readings(
         distance = each[i] if each else math.nan
         try:
             if test.placed:
-                found[i] = _either_way(test, expected)
+                found[i] = _line(test, expected, either_way=True)
             else:
                 single[i] = _single(test, distance)
         except PulseError as error:
@@ -233,7 +233,7 @@ def _readings(
             found[i] = _noted(one, tests[i])
         if len(single) == count and (of_all := of_lengths(tests, single)):
             with suppress(PulseError):
-                found.append(_array(of_all, expected))
+                found.append(_line(of_all, expected))
         return found, None
     parameter, values = setup.states.parameter, np.array(setup.states.values)
     if single:
@@ -267,43 +267,15 @@ def _noted(reading: Any, test: Any) -> Any:
     return replace(reading, best=best, result=result, notes=notes)
 
 
-def _array(test: Any, expected: tuple[float, float] | None) -> Any:
-    from wavesim.readings.pulse.array_reading import read_array
+def _line(test: Any, expected: tuple[float, float] | None, either_way: bool = False) -> Any:
+    """A test of receivers along a line, from its first or from either end."""
+    from wavesim.readings.pulse.array_reading import read_array, read_either_way
 
     placed = {name: x for name, x in test.positions.items() if math.isfinite(x)}
     signals = {name: test.signals[name] for name in placed}
-    return _noted(
-        read_array(
-            test.name,
-            test.t,
-            signals,
-            placed,
-            test.sent,
-            expected,
-            test.unlike,
-            test.noise,
-            test.levelled,
-        ),
-        test,
-    )
-
-
-def _either_way(test: Any, expected: tuple[float, float] | None) -> Any:
-    """Receivers of one record, whichever end of their line the wave comes from."""
-    from wavesim.readings.pulse.velocity import BACKWARDS
-
-    reading = _array(test, expected)
-    if reading.best.reason != BACKWARDS:
-        return reading
-    ends = sum(extreme(x for x in test.positions.values() if math.isfinite(x))
-               for extreme in (min, max))  # fmt: skip
-    turned = {name: ends - x for name, x in test.positions.items()}
-    other = _array(replace(test, positions=turned), expected)
-    if not other.best.valid:
-        return reading
-    receivers = tuple(replace(one, position=ends - one.position) for one in other.receivers)
-    said = "the wave runs towards smaller positions: distances are counted from the largest"
-    return replace(other, receivers=receivers, notes=(said, *other.notes))
+    known = (test.sent, expected, test.unlike, test.noise, test.levelled)
+    read = read_either_way if either_way else read_array
+    return _noted(read(test.name, test.t, signals, placed, *known), test)
 
 
 def _single(test: Any, distance: float) -> tuple[Any, float]:

@@ -15,6 +15,7 @@ from wavesim.records.content import RecordError
 from wavesim.records.files import own_result, read
 from wavesim.records.fitness import for_pulse_test, levelled
 from wavesim.records.layout import Layout
+from wavesim.records.record import Record
 
 Float = NDArray[Any]
 
@@ -101,13 +102,13 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         notes = (*notes, f"{missing.sum()} missing frames bridged by straight lines")
     columns = {label: values[:, j] for j, label in enumerate(labels)}
     places = dict(zip(labels, record.x.tolist(), strict=True))
-    if record.source_seen is not None and np.isfinite(record.x).all():
-        places = _beside(places, [(record.source_seen, 0.0)])
+    source, how = _among(record)
+    if source is not None:
+        places = _beside(places, [(source, 0.0)])
         columns = {name: columns[name] for name in places}
         notes = (
             *notes,
-            f"the signal comes first near x = {record.source_seen:.3g} m: a source stands there, "
-            f"and the {len(places)} receivers on one side of it are read, counted from it",
+            f"{how}, and the {len(places)} receivers on one side of it are read, counted from it",
         )
     whole = PulseTestRecord(
         str(path), record.t, columns, places, record.input, notes, levelled=levelled(record)
@@ -120,6 +121,20 @@ def of_pulse_file(path: str | Path, layout: Layout) -> list[PulseTestRecord]:
         )
         for label, u in columns.items()
     ]
+
+
+def _among(record: Record) -> tuple[float | None, str]:
+    """Where a source stands among the receivers, by the file or by what they show, and in words;
+    None where none does."""
+    if not np.isfinite(record.x).all():
+        return None, ""
+    inside = [x for x in record.sources if record.x.min() < x < record.x.max()]
+    if len(record.sources) == 1 and inside:
+        return inside[0], f"the source stands among the receivers, at x = {inside[0]:.3g} m"
+    seen = record.source_seen
+    if seen is None:
+        return None, ""
+    return seen, f"the signal comes first near x = {seen:.3g} m: a source stands there"
 
 
 def _sent_by_itself(path: Path, layout: Layout) -> tuple[Float, Float]:

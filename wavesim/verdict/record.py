@@ -14,6 +14,7 @@ import numpy as np
 from wavesim.readings.dispersion.decaying_waves import ABOVE_WEAKEST, weakest, while_waves_last
 from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method, in_time
 from wavesim.readings.dispersion.noise_level import excited_frequencies
+from wavesim.readings.dispersion.nyquist_crossing import because_undersampled
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.spreading import KINDS
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
@@ -168,6 +169,7 @@ def attenuation(
         points = in_space(
             record, omega, damping, pairs, component, keep, spreading=KINDS[spreading]
         )
+        points = because_undersampled(points, record)
         if medium is None:
             _check_speeds(points)
         matched = None

@@ -35,6 +35,9 @@ BROAD = (
     "no line stands out of what surrounds it: waves that are broad or random, or that other "
     "wavenumbers leak into"
 )
+# The middle of what is about a peak is taken so many cells 2π/T to each side; where it is off by
+# this part of one, in the median of all peaks, lines are broad and random.
+_ABOUT, _RANDOM = 6, 0.3
 # Error of the parabola through the logarithm of a Blackman–Harris peak padded twice, in its bins.
 _SHAPE = 2e-3
 # Power of the window's side lobes, over the line's.
@@ -147,8 +150,32 @@ def peaks(channels: Float, k: Float, record: Record) -> tuple[BranchPoints, Bend
     )
     cell = 2 * np.pi / (len(record.t) * interval)
     found = replace(found, error=beside_leakage(found, at, leaks, cell))
+    off = _off_middle(heights, row, at + near, density) * cell
+    if len(off[~broad]) and np.median(np.abs(off[~broad])) > _RANDOM * cell:
+        # Which crest of such a line is the highest is chance.
+        spread = float(np.sqrt(np.mean(off[~broad] ** 2)))
+        found = replace(found, error=np.sqrt(found.error**2 + off**2 + spread**2))
     beside = np.sqrt(local[row, at] + _SIDE_LOBE * heights.max(axis=1)[row])
     return found, of_lines(channels, row, found.omega, interval, beside)
+
+
+def _off_middle(heights: Float, row: Any, at: Float, density: float) -> Float:
+    """Distance of the middle of the power about each peak from it, in cells 2π/T, shape (m,).
+
+    A lone sinusoid's is 0, decaying or not. A broad and random line has a few crests.
+
+    Args:
+        heights: power, shape (n, nω).
+        row, at: series and place of each peak, in bins, shape (m,).
+        density: bins a cell.
+    """
+    reach = round(_ABOUT * density)
+    away = np.arange(-reach, reach + 1)
+    first = np.clip(np.round(at).astype(int), reach, heights.shape[1] - reach - 1)
+    about = heights[row[:, None], first[:, None] + away]
+    about = np.maximum(about - np.median(heights, axis=1)[row, None], 0.0)
+    middle = first + about @ away / np.maximum(about.sum(axis=1), 1e-290)
+    return np.asarray((middle - at) / density)
 
 
 def _vertex(left: Float, middle: Float, right: Float) -> tuple[Float, Float]:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 Float = NDArray[Any]
 
 FOLDED = (
-    "folded: phases run on by more than half a turn between receivers, so that k is ambiguous; "
-    "space receivers closer, or have wavesim pulse follow a pulse's arrivals"
+    "folded: phases run on by more than half a turn between receivers, or every other one is of "
+    "reversed polarity, so that k is ambiguous; space receivers closer, turn those round, or have "
+    "wavesim pulse follow a pulse's arrivals"
 )
 # Where there are two receivers alone.
 OR_BOTH_WAYS = (

@@ -27,6 +27,7 @@ from wavesim.readings.dispersion.folding import FOLDED, mirrored_branches
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, invert
 from wavesim.readings.dispersion.hidden_mode import CLOSE, worth
 from wavesim.readings.dispersion.noise_level import leaked
+from wavesim.readings.dispersion.nyquist_crossing import TOO_SELDOM, across_nyquist
 from wavesim.readings.dispersion.points import ALONE, BranchPoints
 from wavesim.readings.dispersion.sinusoid_errors import Sinusoids, of_moving_lines
 from wavesim.readings.dispersion.unlike_receivers import check_no_part_is_unlike, check_one_kind
@@ -196,9 +197,11 @@ def in_time(
         low = points.omega <= omega_max
         points, bends = points.take(low), bends.take(low)
     points = widened(with_branches(points, k, cell), k)
+    every = with_branches(points, k, cell, shortest=1).branch
+    known = every, points.k, points.omega
+    points = points.refused(across_nyquist(*known, np.pi / quiet.interval, cell), TOO_SELDOM)
     if not record.lattice:
-        every = with_branches(points, k, cell, shortest=1).branch
-        mirrored = mirrored_branches(every, points.k, points.omega, record.spacing)
+        mirrored = mirrored_branches(*known, record.spacing)
         points = points.refused(mirrored, FOLDED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     close = CLOSE if method == "harmonic" else 0.0

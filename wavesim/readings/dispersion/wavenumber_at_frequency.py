@@ -27,6 +27,7 @@ from wavesim.readings.dispersion.phase_beam import highest_wavenumber
 from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
 from wavesim.readings.dispersion.simplest_waves import EXCESS, MORE, UNLIKE, line_fits, simplest
 from wavesim.readings.dispersion.spreading import spreads
+from wavesim.readings.dispersion.unequal_gains import with_unequal_gains
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.records.faults.quiet import frames_at_rest
 from wavesim.records.record import Record, RecordError
@@ -56,12 +57,9 @@ _BAND = 0.8
 _LOUD = 0.01
 # A record weighted down to this part at its end does not break off.
 _ENDED = 1e-3
-# Noise at the beginning is within so many of its deviations.
-_OF_NOISE = 5.5
-# A slope at the beginning is that of so many frames.
-_FIRST = 2
-# A receiver counts where what it shows at the beginning is no more than this part of ωU.
-_BEGUN = 0.1
+# Noise at the beginning is within so many of its deviations. A receiver counts where what it shows
+# there, and its slope over so many frames, is no more than this part of ωU.
+_OF_NOISE, _FIRST, _BEGUN = 5.5, 2, 0.1
 # Modes closer than this part of 2π/X are taken for one where nothing shows; by receivers that
 # differ from each other those closer than that.
 _CLOSE, _CLOSE_UNLIKE = 0.6, 0.1
@@ -184,6 +182,7 @@ def in_space(
     points = _with_hidden(_with_branches(points, omega), U, x, used, level, models)
     if not record.ring:
         points = with_unlike_halves(points, U, x, used, level, models)
+        points = with_unequal_gains(points, U, x, used, level, models)
     points = _with_branches(points.known(), omega)
     # A loss that may be none tells no direction.
     turned = (points.k.real < 0) & (points.k.imag < points.bar)

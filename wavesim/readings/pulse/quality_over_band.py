@@ -63,6 +63,8 @@ class Quality:
         band: the lowest and highest frequency, Hz; NaN by the spectral ratio, as is
         excess: χ²/ν of 1/Q about its mean, what Q means to 1/πQ counted as an error of each; the
             error is stretched by its root where above 1.
+        bends: whether ln A bends with frequency by more than a constant Q lets it.
+        varies: whether the velocity changes by so much that the spectral ratio tells nothing.
     """
 
     quality: float
@@ -74,6 +76,8 @@ class Quality:
     at_least: float = math.nan
     band: tuple[float, float] = (math.nan, math.nan)
     excess: float = math.nan
+    bends: bool = False
+    varies: bool = False
 
 
 def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Quality:
@@ -139,7 +143,7 @@ def constant_quality_of_amplitudes(seen: Spectra, travel_time: ArrayLike) -> Qua
         (mean, bend), (_, unsure) = fitted([falls, away[:, None] * falls, *columns[1:]], spare - 1)
         ends = mean + bend * np.array([away[counts].min(), away[counts].max()])
         if abs(bend) > _SURELY * unsure and np.ptp(ends) > _CHANGED * abs(mean):
-            return replace(found, reason=BENDS.format(*ends))
+            return replace(found, reason=BENDS.format(*ends), bends=True)
     return found
 
 
@@ -265,11 +269,8 @@ def left_to_gains(quality: Quality, ratio: Quality, omega: Float, c: Float) -> f
         quality, ratio: of :func:`mean_quality` and :func:`under_its_assumption`.
         omega, c: as for :func:`all_alike`.
     """
-    changes = ratio.reason and not ratio.reason.startswith(
-        (UNSEEN.split("{")[0], BENDS.split("{")[0], NOT_KNOWN)
-    )
     known = np.isfinite(c)
-    if changes or not known.any() or not _constant(c[known]):
+    if ratio.varies or not known.any() or not _constant(c[known]):
         return 0.0
     by_ratio = ratio.inverse + ratio.inverse**2 / math.pi
     apart = abs(quality.inverse - by_ratio)
@@ -294,13 +295,12 @@ def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error
     Returns:
         The same with an error that holds it, and with a reason where it is more than a tenth of Q.
     """
-    bends = ratio.reason.startswith(BENDS.split("{")[0])
-    if ratio.reason and not bends:
+    if ratio.reason and not ratio.bends:
         return ratio
     with np.errstate(invalid="ignore"):
         own = np.isfinite(group) & (group > 0) & (group_error < 0.1 * group)
     if own.sum() < _FEWEST_FREQUENCIES:
-        return ratio if bends else replace(ratio, reason=NOT_KNOWN)
+        return ratio if ratio.bends else replace(ratio, reason=NOT_KNOWN)
     v, f = group[own], omega[own] / (2 * np.pi)
     slope = float(np.polyfit(f, 1 / v, 1, w=v**2 / group_error[own])[0])
     apart = abs(slope) * float(f.mean()) * float(np.mean(v))
@@ -310,13 +310,14 @@ def under_its_assumption(ratio: Quality, omega: Float, group: Float, group_error
         inverse_error=float(np.hypot(ratio.inverse_error, apart * ratio.inverse)),
     )
     if apart <= _CONSTANT:
-        if bends or widened.inverse > 2 * widened.inverse_error:
+        if ratio.bends or widened.inverse > 2 * widened.inverse_error:
             return widened
         least = 1 / max(max(ratio.inverse, 0.0) + 2 * widened.inverse_error, 1e-300)
         return replace(widened, quality=np.nan, error=np.nan, reason=UNSEEN.format(least))
     change = float(np.ptp(v) / np.mean(v))
     return replace(
         widened,
+        varies=True,
         reason=f"the velocity changes by {change:.0%} over the band, and the spectral ratio takes "
         "it as constant: Q from α and v_g holds",
     )

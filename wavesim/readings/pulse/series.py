@@ -45,6 +45,8 @@ _OTHER_FREQUENCY = 0.05
 # The weight of the direct wave that a record shows by itself, and how near it counts, in periods;
 # farther apart than the last two waves are no longer the same.
 _ALONE, _NEAR, _APART = 0.2, 0.25, 0.6
+# Arrivals that differ by so many periods are of two waves.
+_ANOTHER = 0.4
 # The packet about its break, in periods.
 _PACKET = (-0.5, 1.5)
 # Neighbours up to so far apart vote.
@@ -80,14 +82,14 @@ class Followed:
 
 def clearest(
     records: Sequence[TransmissionRecord], heard: Sequence[list[Packet]], own: Sequence[int | None]
-) -> int | None:
-    """The record whose direct wave stands out most from its noise; None where none has one.
+) -> list[int]:
+    """Records that show a direct wave, that first whose stands out most from its noise.
 
     Args:
         records, heard: and their packets.
         own: which of them is the direct wave.
     """
-    best, most = None, 0.0
+    clear = {}
     for i, (one, found) in enumerate(zip(records, heard, strict=True)):
         if own[i] is None:
             continue
@@ -95,11 +97,40 @@ def clearest(
         # The earlier it comes after its start, in periods, the less of it is lost on its way, and
         # the smaller are the near field and faster waves beside it.
         largest = max(found, key=lambda packet: packet.size)
-        clear = float(np.abs(one.got).max()) / level
-        clear *= (one.period / max(largest.begins, one.period)) ** 2
-        if clear > most:
-            best, most = i, clear
-    return best
+        clear[i] = float(np.abs(one.got).max()) / level
+        clear[i] *= (one.period / max(largest.begins, one.period)) ** 2
+    return sorted(clear, key=lambda i: -clear[i])
+
+
+def follow_clearest(
+    records: Sequence[TransmissionRecord],
+    order: Sequence[int],
+    leaders: Sequence[int],
+    delay: float,
+    foreseen: Float,
+    alone: Float,
+    sure: bool,
+) -> Followed:
+    """Follow the arrival of the clearest record, or of the next where that follows another and the
+    one after it bears it out: the clearest may be of another set-up.
+
+    Args:
+        leaders: indices of records, the clearest first; others as of :func:`follow`.
+    """
+
+    def led_by(i: int) -> Followed:
+        return follow(records, order, i, float(alone[i]), delay, foreseen, alone, sure)
+
+    def apart(one: Followed, other: Followed) -> float:
+        return float(np.median(np.abs(one.time - other.time) / period))
+
+    period = np.array([one.period for one in records])
+    first, *others = [led_by(i) for i in leaders[:2]]
+    if not others or len(leaders) < 3 or apart(first, others[0]) < _ANOTHER:
+        return first
+    third = led_by(leaders[2])
+    borne_out = apart(others[0], third) < _ANOTHER
+    return others[0] if borne_out else first
 
 
 def follow(

@@ -19,7 +19,7 @@ from wavesim.readings.pulse.series import (
     STRESS_POWER,
     Followed,
     clearest,
-    follow,
+    follow_clearest,
     in_noise,
     in_order,
     of_another_set_up,
@@ -149,8 +149,8 @@ def _read(
     grows = loose and stress
     foreseen = np.log(L) - (STRESS_POWER * np.log(p) if grows else 0.0)
     own, waves = _direct_of_each(records, heard, p, foreseen, grows, delay, L, wanted)
-    reference = clearest(records, heard, own)
-    if reference is None:
+    leaders = clearest(records, heard, own)
+    if not leaders:
         none = [unheard(one, float(d)) for one, d in zip(records, L, strict=True)]
         return none, Series(parameter, p, None), np.zeros(count, bool)
     begun = np.full(count, np.nan)
@@ -160,8 +160,7 @@ def _read(
             begun[i] = breaks[0] - delay
     order = np.argsort(p, kind="stable").tolist()
     on_line = waves[0].y if waves else foreseen
-    arrival = float(begun[reference])
-    found = follow(records, order, reference, arrival, delay, on_line, begun, bool(waves))
+    found = follow_clearest(records, order, leaders, delay, on_line, begun, bool(waves))
     rivals = _rivals(records, heard, waves, found, delay, wanted)
     each = _followed(records, found, begun, delays, order)
     period = np.array([one.period for one in records])

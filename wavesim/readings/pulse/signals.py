@@ -20,6 +20,7 @@ from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.moveout import begun
 from wavesim.records.faults.quantisation import quanta
 from wavesim.records.faults.quiet import rest
+from wavesim.records.faults.steps import level_moves, without_steps
 from wavesim.records.windows import noise_density
 
 Float = NDArray[Any]
@@ -40,9 +41,15 @@ _FEWEST_PER_PERIOD, _TOO_FEW, _PER_PERIOD, _ENOUGH = 24, 3.5, 32, 10
 _STRONG = 0.05
 # A quiet part that bends by this many deviations of its roughness wanders.
 _BENDS = 1.5
+# A level that has moved by this part of the peak at the end is no wave's, nor a base.
+_MOVED = 0.2
 CLIPPED = "flat tops: the signal is clipped; lower the gain"
 MARKED = "it holds a mark of overload: record it again with less gain"
 WANDERS = "its base wanders before the arrival: take drift or hum out, or record longer before it"
+MOVED = (
+    "it ends at another level than it begins at, and arrivals are told from one: take the base's "
+    "movement out, or, if the wave leaves it there, give its rate of change"
+)
 REVERSED = "reversed beside the others, turned over; check its polarity"
 BEGUN = "the record begins within the signal: trigger earlier"
 
@@ -177,6 +184,7 @@ def pulse_record(
     flat = clipped(values[None], quantum)[0]
     for j, first in enumerate(filled):
         values[:first, j] = values[first, j] if first else 0.0
+    without_steps(values, time, x, names, found)
     at_rest = rest(values, quantum)
     values = without_baseline(values, time, x, names, quantum, at_rest, found)
     quiet = np.full(len(names), np.nan if quiet_until is None else float(quiet_until))
@@ -187,6 +195,8 @@ def pulse_record(
         count = int(np.searchsorted(time, quiet[j])) - first
         if count >= FEWEST_QUIET and not why[j] and _wanders(own, count):
             why[j] = WANDERS
+        elif not why[j] and abs(level_moves(own)) > _MOVED * float(np.abs(own).max()):
+            why[j] = MOVED
     why[flat & (why != MARKED)] = CLIPPED
     why[np.isin(why, ("", WANDERS)) & begun(values, at_rest) & np.isfinite(quiet)] = BEGUN
     there = np.flatnonzero(why != MARKED)

@@ -24,7 +24,7 @@ Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 FEWEST = 5
-_TOGETHER = 24
+TOGETHER = 24
 _FREQUENCIES = 24
 _DAMPING = 8.0
 # Frequencies count above this part of the greatest power, and so many times above what is there at
@@ -37,7 +37,8 @@ _SPREADS, _BEFORE = -1.6, (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 _FEWEST_SPREAD = 8
 # The others agree where no more than this part of the power is left.
 _AGREED = 0.2
-# A factor, a delay or an exchange explains all but these parts of what a channel shows.
+# A factor, a delay or an exchange explains all but these parts of what a channel shows, and a delay
+# of what the others do not tell of it.
 _ALONE, _LATE, _EXCHANGED = 0.1, 0.3, 0.15
 # Factors nearer to 1 are none, at the ends, where waves may fall off otherwise, and elsewhere; and
 # nearer to −1 they are a polarity.
@@ -109,13 +110,13 @@ def misfits(
         apart.order[keep], apart.out[keep] = keep[more.order], more.out
         apart.factor[keep] *= more.factor
         return apart
-    starts = list(range(0, max(nx - _TOGETHER, 0) + 1, _TOGETHER // 2))
-    if starts[-1] + _TOGETHER < nx:
-        starts.append(nx - _TOGETHER)
+    starts = list(range(0, max(nx - TOGETHER, 0) + 1, TOGETHER // 2))
+    if starts[-1] + TOGETHER < nx:
+        starts.append(nx - TOGETHER)
     verdicts: dict[int, list[tuple[str, float]]] = {}
     judged = np.zeros(nx, int)
     for start in starts:
-        part = np.arange(start, min(start + _TOGETHER, nx))
+        part = np.arange(start, min(start + TOGETHER, nx))
         for number, verdict in _judge(component[:, part], t, x[part], rest, part).items():
             verdicts.setdefault(int(part[number]), []).append(verdict)
         judged[part] += 1
@@ -174,11 +175,11 @@ def _judge(
     values: Float, t: Float, x: Float, rest: Rest, part: NDArray[np.int64]
 ) -> dict[int, tuple[str, float]]:
     """Verdicts on the channels of one group: {number: (kind, size)}."""
-    transform = _transform(values, t, rest, part)
+    transform = strong_spectrum(values, t, rest, part)
     if transform is None:
         return {}
     U, omega, floor = transform
-    fall = _fall_off(np.abs(U), x)
+    fall = fall_off(np.abs(U), x)
     heard = np.median(np.abs(U), axis=0) > np.sqrt(_HEARD) * floor
     dead = np.median(np.abs(U) / fall, axis=0) < _DEAD
     found: dict[int, tuple[str, float]] = {int(j): ("dead", 0.0) for j in np.flatnonzero(dead)}
@@ -225,7 +226,9 @@ def _judge(
             elif factor < 0 or abs(np.log(factor)) > least:
                 found[j] = "mis-scaled", factor
         else:
-            found[j] = ("delayed", delay) if late < _LATE * size else ("misfit", 0.0)
+            plain = float(np.sum(np.abs(U[:, j] - V[:, j]) ** 2))
+            alone = late < min(_LATE * size, _ALONE * plain)
+            found[j] = ("delayed", delay) if alone else ("misfit", 0.0)
     return found
 
 
@@ -235,9 +238,9 @@ def _broken(
     """The fewer of receivers on both sides of a place that phases jump at, as between two cards or
     cables: reversed, or delayed; each with its size."""
     nx = len(x)
-    for start in range(0, max(nx - _TOGETHER // 2, 1), _TOGETHER // 2):
-        part = np.arange(start, min(start + _TOGETHER, nx))
-        transform = _transform(component[:, part], t, rest, part)
+    for start in range(0, max(nx - TOGETHER // 2, 1), TOGETHER // 2):
+        part = np.arange(start, min(start + TOGETHER, nx))
+        transform = strong_spectrum(component[:, part], t, rest, part)
         if transform is None:
             continue
         U, omega, floor = transform
@@ -246,7 +249,7 @@ def _broken(
         if len(seen) < FEWEST:
             continue
         U, at = U[:, seen], x[part[seen]]
-        fall = _fall_off(np.abs(U), at)
+        fall = fall_off(np.abs(U), at)
         U, hiss = U / fall, np.mean((floor[seen] / fall) ** 2, axis=1)
         hiss = hiss / np.mean(np.abs(U) ** 2, axis=1) + 1e-300
         if (found := jump(U, omega, at, hiss)) is None:
@@ -284,7 +287,7 @@ def _exchanged(U: Any, waves: Waves) -> tuple[int, int] | None:
     )
 
 
-def _transform(
+def strong_spectrum(
     values: Float, t: Float, rest: Rest, part: NDArray[np.int64]
 ) -> tuple[Any, Float, Float] | None:
     """U at the frequencies that are strong, and the noise's standard deviation in it."""
@@ -306,7 +309,7 @@ def _transform(
     return hat[chosen], omega, noise
 
 
-def _fall_off(size: Float, x: Float) -> Float:
+def fall_off(size: Float, x: Float) -> Float:
     """How amplitudes fall off along the line, by least absolute differences, shape (n, nx).
 
     ln A = a + b x + c ln r of all frequencies together, r from before the line or from behind it,

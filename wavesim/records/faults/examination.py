@@ -25,21 +25,23 @@ from wavesim.records.faults.moveout import (
     begun,
     comes_round,
     of_no_wave,
-    out_of_order,
     source_within,
     speed,
 )
 from wavesim.records.faults.neighbours import unlike_neighbours
+from wavesim.records.faults.order import check_order
+from wavesim.records.faults.polarity import turned_round
 from wavesim.records.faults.quiet import Rest, rest
 from wavesim.records.faults.recovery import without_recovery
 from wavesim.records.faults.ring_misfits import ring_misfits
+from wavesim.records.faults.undersampling import tell_undersampled
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 # Beside noise of this part of the spectrum's highest no two samples are alike by chance.
 _NOISY = 1e-5
-# So many receivers are listed that are out of order.
-_LISTED = 8
+# Two receivers that stand in each other's place can be put back.
+_EXCHANGED = 2
 
 
 def samples(
@@ -157,16 +159,11 @@ def together(
         check_goes_on(values[strongest], t)
         check_clock(values[strongest])
     own = rest(values[strongest], quantum)
-    arrival, middle = arrivals(values[strongest], t, own)
+    times = arrivals(values[strongest], t, own)
     line = not ring and np.isfinite(x).all()
-    if line and even and not as_recorded and (order := out_of_order(middle)) is not None:
-        listed = ", ".join(str(j + 1) for j in order[:_LISTED]) + ", …"
-        raise RecordError(
-            f"the signal comes to the receivers in the order {listed} and evenly in that alone: "
-            "they do not stand in the order of their positions; give these as they are with "
-            "--positions X1,X2,…"
-        )
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
+    if line and not as_recorded:
+        check_order(values[strongest], t, x, own, times, mended, _EXCHANGED + 1)
     odd = np.zeros(nx, bool)
     seam = not lost[[0, -1]].any()
     if ring and seam and comes_round(values[strongest, t >= quiet_from]) is False:
@@ -177,22 +174,28 @@ def together(
     if ring:
         mended, odd = ring_misfits(values[:, t >= quiet_from], lost, x, labels, found)
     elif len(values) == 1 and not as_recorded:
-        mended = misfits(values[0], t, x, labels, own, unsure, found)
+        turned = turned_round(values[0], t, x, labels, own, found).factor
+        mended = misfits(values[0] * turned, t, x, labels, own, unsure, found)
+        mended.factor *= turned[mended.order]
         if not mended.out.any():
             right = values[0][:, mended.order] * mended.factor
             more = unlike_neighbours(right, x, labels, unsure, found)
             mended = Mended(mended.order, mended.factor * more.factor, more.out)
+    if line and not as_recorded:
+        check_order(values[strongest], t, x, own, times, mended, _EXCHANGED)
     if nx == values.shape[1] and np.isfinite(x).all():
         found.append(
             Finding("square", "whole array", f"{nx} by {nx}", TOLD,
                     "as many times as receivers: taken as times down, receivers across; transpose "
                     "the array if it is the other way round")
         )  # fmt: skip
+    if not ring:
+        tell_undersampled(values[strongest], own.noise, found)
     within = begun(values[strongest], own)
     place = None
     if line and nx > 2:
-        place = source_within(x, arrival)
-        v = speed(x, arrival)
+        place = source_within(x, times[0])
+        v = speed(x, times[0])
         if place is None and (why := of_no_wave(v, v)):
             raise UnitsError(why)
     if not ring and even and place is None and comes_round(values[strongest]):

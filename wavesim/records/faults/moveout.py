@@ -34,14 +34,11 @@ _SEAMS, _SPAN, _LONG, _LOUD = 3, 1.5, 0.3, 0.01
 _FEWEST_ROUND = 8
 # … and that are there, with this part of the mean power.
 _THERE = 0.01
-# Receivers are out of order where in that of arrivals these are even to this part, and so many are
-# elsewhere, of this part at least that it is seen at.
-_EVENLY, _MANY_MOVED, _MOST_SEEN = 0.3, 0.3, 0.8
 # Phases jump between two sides of so many receivers or more, where that leaves this part of what
 # waves without the jump do, that this part of all at least, and the mean cosine of what is over is
 # 1 but for this, and so many times the noise; phases are tried so many, at first every other, of
 # each so many frequencies one, at so many places first; then so many between two of them.
-_SIDE, _JUMPS, _LEAST, _SURE, _OF_NOISE, _FINE, _EACH, _PLACES = 3, 0.1, 2e-3, 0.1, 4.0, 16, 3, 64
+SIDE, _JUMPS, _LEAST, _SURE, _OF_NOISE, _FINE, _EACH, _PLACES = 3, 0.1, 2e-3, 0.1, 4.0, 16, 3, 64
 _BETWEEN = 8
 
 
@@ -126,26 +123,6 @@ def source_within(x: Float, arrival: Float) -> float | None:
     return round(best[1] / grain) * grain
 
 
-def out_of_order(arrival: Float) -> NDArray[np.int64] | None:
-    """The order in which a signal comes to the receivers of an even line, where it goes on evenly
-    in that order alone: they are not where they are said to be; None where they may be.
-
-    Args:
-        arrival: the middle of it, shape (nx,), s; NaN where it is not seen.
-    """
-    seen = np.isfinite(arrival)
-    many = int(seen.sum())
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(arrival[seen]))) != 0)
-    if many < _FEWEST_ROUND or seen.mean() < _MOST_SEEN or len(turns) < 2:
-        return None
-    order = np.argsort(arrival[seen], kind="stable")
-    steps = np.diff(arrival[seen][order])
-    even = np.std(steps) < _EVENLY * np.mean(steps)
-    moved = np.abs(np.argsort(order) - np.arange(many))
-    moved = np.minimum(moved, moved[::-1])  # whichever way it goes
-    return np.flatnonzero(seen)[order] if even and np.mean(moved > 1) > _MANY_MOVED else None
-
-
 def speed(x: Float, arrival: Float) -> float:
     """Speed at which the signal goes along the receivers, m/s; NaN where it can't be told."""
     seen = np.isfinite(arrival)
@@ -224,7 +201,7 @@ def jump(
         late, s; None where there is none.
     """
     many = len(x)
-    if many < 2 * _SIDE:
+    if many < 2 * SIDE:
         return None
     waves, good = waves_of or along_line(x), np.ones(many, bool)
 
@@ -249,9 +226,9 @@ def jump(
         return min(places, key=lambda j: float(np.median(left(j, phases, _EACH).min(axis=0))))
 
     # A side that is a few receivers too long leaves little too.
-    step, most = -(-many // _PLACES), many - _SIDE
-    first = best(range(_SIDE, most + 1, step), fine[::2])
-    first = best(range(max(first - step, _SIDE), min(first + step, most) + 1), fine)
+    step, most = -(-many // _PLACES), many - SIDE
+    first = best(range(SIDE, most + 1, step), fine[::2])
+    first = best(range(max(first - step, SIDE), min(first + step, most) + 1), fine)
     seen = left(first, fine)
     about = fine[seen.argmin(axis=0)] + np.linspace(-fine[1], fine[1], _BETWEEN + 1)[:, None] / 2
     fine, seen = (
@@ -260,7 +237,7 @@ def jump(
     )
     tells = seen.min(axis=0) < _JUMPS * seen[0]
     less = np.median(seen.min(axis=0)) < _JUMPS * np.median(seen[0])
-    if not less or tells.sum() < _SIDE:
+    if not less or tells.sum() < SIDE:
         return None
     phase = np.take_along_axis(fine, seen.argmin(axis=0)[None], axis=0)[0, tells]
     omega = omega[tells]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.faults.finding import CURED, TOLD, Finding, beside_peak, places
+from wavesim.records.faults.steps import without_steps
 
 Float = NDArray[Any]
 
@@ -55,13 +56,14 @@ def without_recovery(
         if nx < 2 or nt < 4 * _LEVEL:
             continue
         first, which = _jump(component, quantum)
-        if len(which) < max(2, _TOGETHER * nx):
-            continue
-        courses = {j: _course(component[:, j], first, float(quantum[j])) for j in which}
+        many = len(which) >= max(2, _TOGETHER * nx)
+        courses = {j: _course(component[:, j], first, float(quantum[j])) for j in which if many}
         fitted = {j: one for j, one in courses.items() if one is not None}
-        where, at = places(x, list(fitted) or which, labels), f"at t = {t[first]:.6g} s"
+        at = f"at t = {t[first]:.6g} s"
         if len(fitted) < max(2, _TOGETHER * len(which)):
-            if first:
+            # Beneath the wave, of a few channels, or of each at another time.
+            if not without_steps(component, t, x, labels, found) and many and first:
+                where = places(x, which, labels)
                 found.append(
                     Finding("level jumps", where, at, TOLD,
                             f"the level jumps {at} ({where}), and goes on neither constant nor as "
@@ -69,7 +71,7 @@ def without_recovery(
                             "that the trigger alone makes, with the source off")
                 )  # fmt: skip
             continue
-        most, part = 0.0, 0.0
+        where, most, part = places(x, list(fitted), labels), 0.0, 0.0
         for j, (course, _, noise) in fitted.items():
             v = component[:, j]
             v -= course

@@ -1,0 +1,133 @@
+"""Receivers that do not stand in the order of their positions, by the signal that passes them.
+
+A signal comes to receivers along a line later and later, or, from among them, to both sides, or to
+one side late, as by another cable. Where in the order in which it comes its times are on a straight
+line, and the field is few waves e^{ikx}, and in that of the positions neither is so, the receivers
+do not stand where they are said to.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavesim.records.content import RecordError
+from wavesim.records.faults.channels import TOGETHER, Mended, fall_off, strong_spectrum
+from wavesim.records.faults.moveout import SIDE
+from wavesim.records.faults.quiet import Rest
+from wavesim.records.faults.unfit_receivers import along_line
+
+Float = NDArray[Any]
+
+# Three are on the way from a source among them in any order.
+_FEWEST = 4
+# Times are of this part of the receivers at least. Both they and the waves must leave less than
+# this part of what they do in the order of positions: in records in order waves leave many times
+# more, or times do. There the times must leave so many squares of what passes between neighbours.
+_SEEN, _LESS, _STEP = 0.8, 0.5, 0.25
+# A source is looked for at so many places for each receiver, and at so many; so many are listed.
+_PLACES, _MOST_PLACES, _LISTED = 8, 512, 8
+
+
+def check_order(
+    component: Float, t: Float, x: Float, rest: Rest, arrivals: Float, mended: Mended, fewest: int
+) -> None:
+    """Refuse receivers that stand in another order.
+
+    Args:
+        component: u, shape (nt, nx), finite, without offset.
+        t, x: times, s, and places, ascending, m.
+        rest: of the channels.
+        arrivals: when the signal comes to each, by several measures, shape (m, nx), s; NaN where
+            it is not seen.
+        mended: what was done to the channels.
+        fewest: of them that stand elsewhere; two can be put back.
+
+    Raises:
+        RecordError: so many do, with the order.
+    """
+    living = np.flatnonzero(~mended.out)
+    for times in arrivals[:, mended.order]:
+        own = living[np.isfinite(times[living])]
+        if len(own) < max(_SEEN * len(living), _FEWEST):
+            continue
+        given = component[:, mended.order[own]] * mended.factor[own]
+        order = _order_of_travel(times[own], x[own])
+        moved = order != np.arange(len(order))
+        if moved.sum() < max(fewest, 1):
+            continue
+        if not few_waves_alone(given[:, order], given, t, x[own], rest, own):
+            continue
+        listed = ", ".join(str(j + 1) for j in mended.order[own][order][:_LISTED])
+        raise RecordError(
+            f"the signal comes to the receivers in the order {listed}"
+            f"{', …' * (len(order) > _LISTED)} and passes them as a wave in that alone: they do "
+            "not stand in the order of their positions; give these as they are with "
+            "--positions X1,X2,…"
+        )
+
+
+def _order_of_travel(times: Float, x: Float) -> NDArray[np.int64]:
+    """The order of arrivals, whichever way they go, where it leaves far less of a straight line in
+    x than the order of positions does of any moveout that has one; that of positions elsewhere."""
+    along = np.arange(len(x))
+    order = np.argsort(times, kind="stable")
+    order = min(order, order[::-1], key=lambda one: float(np.abs(one - along).sum()))
+    if (order == along).all():
+        return along
+    left, slowness = _left(times[order], x[None])
+    step = float(slowness[0]) * float(np.ptp(x)) / (len(x) - 1)
+    given, apart = _from_a_source(times, x), _STEP * step**2
+    # A late side comes evenly between the others by chance alone.
+    given = given if float(left[0]) < apart else min(given, _with_a_late_side(times, x))
+    return order if max(float(left[0]) / _LESS, apart) < given else along
+
+
+def _from_a_source(times: Float, x: Float) -> float:
+    """What arrivals from a source anywhere leave, by distance to both sides, Σ of squares, s²."""
+    places = np.linspace(x[0], x[-1], min(_PLACES * len(x), _MOST_PLACES))
+    return float(_left(times, np.abs(x - places[:, None]))[0].min())
+
+
+def _with_a_late_side(times: Float, x: Float) -> float:
+    """What a straight line leaves of which a side of three receivers or more is late, s²."""
+    count, away, late = len(x), x - x.mean(), times - times.mean()
+    lever = float(away @ away)
+    late = late - float(away @ late) / lever * away
+    behind = np.arange(count, 0, -1.0)
+    slope = np.cumsum(away[::-1])[::-1]
+    size = behind - behind**2 / count - slope**2 / lever
+    gain = np.cumsum(late[::-1])[::-1] ** 2 / np.maximum(size, 1e-9)
+    return float(late @ late - gain[SIDE : count - SIDE + 1].max(initial=0.0))
+
+
+def _left(times: Float, away: Float) -> tuple[Float, Float]:
+    """What straight lines in distances, shape (n, nx), leave of arrivals, s²; their slopes."""
+    away, times = away - away.mean(axis=1, keepdims=True), times - times.mean()
+    slope = away @ times / np.sum(away**2, axis=1)
+    return np.sum((times - slope[:, None] * away) ** 2, axis=1), slope
+
+
+def few_waves_alone(
+    right: Float, given: Float, t: Float, x: Float, rest: Rest, own: NDArray[np.int64]
+) -> bool:
+    """Whether few waves leave far less of a field put right than of it as it was given.
+
+    Args:
+        right, given: of receivers at x, shape (nt, nx), of which some differ.
+        t, x: times, s, and places, ascending, m.
+        rest: of all channels; own are those, shape (nx,).
+    """
+    differs = np.cumsum(np.append(0, (right != given).any(axis=0)))
+    starts = np.arange(max(len(x) - TOGETHER, 0) + 1)
+    start = int(np.argmax(differs[starts + min(TOGETHER, len(x))] - differs[starts]))
+    part = slice(start, start + TOGETHER)
+    waves, good, left = along_line(x[part]), np.ones(len(x[part]), bool), []
+    for values in (right, given):
+        if (found := strong_spectrum(values[:, part], t, rest, own[part])) is None:
+            return False
+        U = found[0] / fall_off(np.abs(found[0]), x[part])
+        left.append(float(np.median(waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1))))
+    return left[0] < _LESS * left[1]
