@@ -41,7 +41,7 @@ def living(
             raise RecordError("no sample is finite: every receiver is dead or mostly missing")
         gone = (~finite[:, seen]).mean(axis=(0, 1)) > _MOST_MISSING
         if not ring:
-            gone &= ~_cut_short(finite[:, seen].all(axis=0))
+            gone &= ~_cut_short(np.asarray(finite[:, seen].all(axis=0)))
         some = np.where(finite, values, np.nan)
     dead: Mask = np.asarray(gone)
     if still:
