@@ -120,3 +120,16 @@ BURST = np.where(np.abs(LATE) < 4e-5, np.sin(2 * np.pi * 5e4 * LATE), 0)
 )
 def test_nothing_was_filled_in_where_noise_is_less_than_rounding_or_none(u):
     assert "filled in" not in {finding.what for finding in record(u, T, X).findings}
+
+
+@pytest.mark.parametrize("part", [0.35, 0.4])
+def test_samples_that_noise_hardly_moves_are_no_gaps(part):
+    """Where noise is below a digitiser's step, samples at rest stand still by themselves."""
+    t, step = np.arange(1600) * 1e-6, 1 / 2000
+    late = t[:, None] - 2e-4 - X / 1000
+    burst = np.sin(2 * np.pi * 4e4 * late) * np.sin(np.pi * late / 3e-4)
+    u = np.where((late > 0) & (late < 3e-4), burst, 0.0)
+    for seed in range(6):
+        noise = part * step * np.random.default_rng(seed).normal(size=u.shape)
+        found = record(np.round((u + noise) / step) * step, t, X).findings
+        assert not any(one.what == "filled in" for one in found)

@@ -94,7 +94,8 @@ def _straight(v: Float, second: Float, count: int) -> list[tuple[int, int]]:
     size = np.median(blocks, axis=1)
     quiet = size <= np.quantile(size, _QUIETEST)
     rough = float(np.median(blocks[quiet]))
-    if float(np.median(finer[quiet])) < _WHITE * rough:
+    # Where samples stand still beneath a digitiser's step, one that stands still tells nothing.
+    if not rough or float(np.median(finer[quiet])) < _WHITE * rough:
         return []
     within = small[:n].reshape(-1, _BLOCK)[whole][quiet].mean()
     found = []
