@@ -302,3 +302,10 @@ def test_a_late_block_of_a_ring_is_told_from_waves(rng):
         in_time(
             for_frequency_at_k(record(np.where(late, u[4e-7], u[0.0]) + noise, T, x, ring=True))
         )
+
+
+def test_a_ring_of_two_receivers_is_refused_for_its_wavenumbers(rng):
+    t = np.arange(400) * 1e-6
+    u = np.sin(2e5 * t[:, None] + np.array([0.0, 1.0])) + 1e-3 * rng.normal(size=(400, 2))
+    with pytest.raises(RecordError, match="wavenumbers apart"):
+        in_time(for_frequency_at_k(record(u, t, np.array([0.0, 1e-2]), ring=True)))

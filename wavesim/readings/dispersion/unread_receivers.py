@@ -65,7 +65,7 @@ def put_in(record: Record, inverted: Callable[[Float, Record], Sinusoids]) -> Re
         unseen = float(np.sum(found.residual * power) / max(np.sum(power), 1e-290)) - 2 * noise**2
         values[..., out] = told
         # Of changes that fall by a factor each time all that are still to come.
-        ahead = change / max(1 - change / changed, _SLOW)
+        ahead = change / max(1 - change / changed if changed else 0.0, _SLOW)
         now_left = max(ahead, np.sqrt(max(unseen, 0.0)))
         if now_left >= left:
             break

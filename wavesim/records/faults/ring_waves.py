@@ -51,7 +51,7 @@ def strong_frequencies(component: Float) -> tuple[Any, Float, float]:
     window = blackman_harris(len(component))[:, None]
     U = rfft((component - component.mean(axis=0)) * window, axis=0)
     # A field that covers a quarter of the receivers is seen; one bad receiver is not.
-    size = np.sort(np.abs(U) ** 2, axis=1)[:, -max(3, U.shape[1] // 4)]
+    size = np.sort(np.abs(U) ** 2, axis=1)[:, -min(U.shape[1], max(3, U.shape[1] // 4))]
     strong = np.flatnonzero(size > _STRONG * size.max(initial=0.0))
     if len(strong) > _MOST_FREQUENCIES:
         strong = strong[np.linspace(0, len(strong) - 1, _MOST_FREQUENCIES).astype(int)]
