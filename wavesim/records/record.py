@@ -338,9 +338,8 @@ def _sampled(now: Record, found: list[Finding]) -> tuple[Record, Mask, float]:
     else:
         tell_dead(now.x, alive, now.labels, found, "mostly missing")
         now = now.receivers(alive)
-    values, t, held, quantum, flat, spare = samples(
-        now.values, now.t, now.x, now.labels, now.ring, found
-    )
+    known = now.values, now.t, now.x, now.labels, now.ring
+    values, t, held, quantum, flat, spare = samples(*known, found)
     now = replace(now, values=values, t=t, quantum=quantum, clipped=flat)
     if now.ring and spare.any() and not shapes.is_even(now.x[~spare]):
         values[..., spare] = 0.0

@@ -1,4 +1,4 @@
-"""Which columns of a table are times, and where the receivers of the others stand."""
+"""Tables of text: their times, values, and where the receivers stand."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from wavesim.records.axes import INTERVALS, RATES, STARTS
 from wavesim.records.content import Content, RecordError
 from wavesim.records.evenness import unrounded
 from wavesim.records.faults.clock import on_one_clock
+from wavesim.records.formats.clock_columns import clocks_of, counted_on, counts_rows
 from wavesim.records.formats.text_table import Table, read_table
 from wavesim.records.units import (
     NUMBER,
     factor,
-    is_index,
     is_time,
     position_in,
     size_of_values,
@@ -26,9 +26,6 @@ from wavesim.records.units import (
     unit_of_time_said,
     unknown_unit_in,
 )
-
-# A column that goes evenly upward to this part of its step, and is not named otherwise, is a clock.
-_EVEN = 0.51
 
 
 def from_text(path: Path) -> Content:
@@ -46,11 +43,11 @@ def of_table(table: Table) -> Content:
     kept = list(range(table.data.shape[1]))
     sampling = sampling_of(table.metadata)
     counted = False
-    if len(kept) > 1 and _counts_rows(table, kept, sampling is not None):
+    if len(kept) > 1 and counts_rows(table, kept, sampling is not None):
         notes.append(f"column {table.columns[kept[0]]} numbers the rows: left out")
         kept, counted = kept[1:], True
-    notes += _counted_on(table, kept)
-    clocks = _clocks(table, kept, counted)
+    notes += counted_on(table, kept)
+    clocks = clocks_of(table, kept, counted)
     channels = [c for c in kept if c not in clocks]
     if not channels:
         raise RecordError(
@@ -201,100 +198,6 @@ def sampling_of(rows: list[list[str]]) -> tuple[float, float, str, bool] | None:
 
 def _bare(cell: str) -> str:
     return cell.strip(' "').replace(",", ".")
-
-
-def _counts_rows(table: Table, kept: list[int], sampled: bool) -> bool:
-    """Whether the first column numbers rows: by its name, or as the interval is said elsewhere."""
-    first = table.data[:, kept[0]]
-    steps = np.diff(first)
-    if not (len(steps) and np.isfinite(first).all() and (steps == 1).all()):
-        return False
-    heading = table.headings[kept[0]]
-    if sampled and first[0] in (0, 1):
-        return factor(table.units[kept[0]], "time") is None and unit_in(heading, "time") is None
-    if heading.strip():
-        return is_index(heading)
-    return len(kept) > 2 and first[0] in (0, 1) and _ascends_evenly(table.data[:, kept[1]])
-
-
-def _clocks(table: Table, kept: list[int], counted: bool) -> list[int]:
-    """Columns of times: those so named, else the first if it ascends; and those that go with it.
-
-    Beside a column that counts rows the first is none that does not go evenly.
-    """
-    named = [
-        c for c in kept
-        if is_time(table.headings[c]) or factor(table.units[c], "time") is not None
-        or (unit_in(table.headings[c], "time") and _rises(table.data[:, c]))
-        or (not table.headings[c].strip() and c == kept[0] and _ascends(table.data[:, c]))
-    ]  # fmt: skip
-    if (
-        not named
-        and (_ascends_evenly if counted else _ascends)(table.data[:, kept[0]])
-        and (position_in(table.headings[kept[0]]) is None)
-    ):
-        named = [kept[0]]
-    if not named:
-        return []
-    # One for each channel: columns that rise evenly, every other one, as no wave does.
-    other = [c for c in kept if c >= named[0] and (c - named[0]) % 2 == 0]
-    alike = [
-        c for c in other
-        if position_in(table.headings[c]) is None and _ascends_evenly(table.data[:, c])
-    ]  # fmt: skip
-    steps = {c: float(np.nanmedian(np.diff(table.data[:, c]))) for c in (named[0], *alike)}
-    if len(alike) < len(other):
-        alike = [c for c in alike if np.isclose(steps[c], steps[named[0]], rtol=0.05)]
-    return sorted({*named, *alike})
-
-
-_BITS = range(8, 49)
-
-
-def _counted_on(table: Table, kept: list[int]) -> list[str]:
-    """Times of a counter that begins anew at 2ⁿ, counted on, and a sentence for each."""
-    notes = []
-    for c in kept:
-        heading, column = table.headings[c], table.data[:, c]
-        timed = is_time(heading) or factor(table.units[c], "time") or unit_in(heading, "time")
-        steps = np.diff(column)
-        if not timed or _COUNTS.search(heading) or not len(steps) or not (steps < 0).any():
-            continue
-        usual = float(np.median(steps))
-        for size in (2.0**n for n in _BITS):
-            right = np.where(steps < 0, steps + size, steps)
-            if usual > 0 and np.abs(right - usual).max() <= _EVEN * usual and column.max() < size:
-                table.data[:, c] = column[0] + np.r_[0, np.cumsum(right)]
-                notes.append(f"column {table.columns[c]} begins anew at {size:.0f} "
-                             f"{int((steps < 0).sum())} times: counted on")  # fmt: skip
-                break
-    return notes
-
-
-def _rises(column: NDArray[Any]) -> bool:
-    steps = np.diff(column[np.isfinite(column)])
-    return len(steps) > 0 and bool((steps > 0).all())
-
-
-# Of what counts nothing says how long one takes.
-_COUNTS = re.compile(r"tick|count|sample|index", re.IGNORECASE)
-
-
-def _ascends(column: NDArray[Any]) -> bool:
-    steps = np.diff(column[np.isfinite(column)])
-    return len(steps) > 0 and bool((steps >= 0).all()) and bool((steps > 0).any())
-
-
-def _ascends_evenly(column: NDArray[Any]) -> bool:
-    if not np.isfinite(column).all() or len(column) < 3:
-        return False
-    steps = np.diff(column)
-    even = np.linspace(column[0], column[-1], len(column))
-    return (
-        bool((steps >= 0).all())
-        and steps.mean() > 0
-        and bool(np.abs(column - even).max() <= _EVEN * max(steps.max(), 2 * steps.mean()))
-    )
 
 
 def _one_clock(
