@@ -29,6 +29,10 @@ AMONG = (
 # and so many cells, after so many wavenumbers at most.
 _PIECE, _FEWEST = 5, 3
 _OF_STEP, _CELLS, _MISSED = 0.1, 2.0, 3
+# What crosses is seen above this part of π/Δt, at steps that can be followed.
+_NEAR = 0.7
+# Only branches of such steps in ω are not joined as they are.
+_COARSE = 0.05
 # So many points of it at least are seen before it does.
 _BEFORE = 2
 # A branch of no cut-off comes to this part of its highest ω at k = 0.
@@ -85,7 +89,8 @@ def _followed(
     """k and ω of each branch and what it goes on through, and the points' numbers, those last."""
     for number in np.unique(branch[branch >= 0]):
         own = np.flatnonzero(branch == number)
-        for direction in (1, -1) if len(own) >= _FEWEST else ():
+        near = len(own) >= _FEWEST and omega[own].max() > _NEAR * nyquist
+        for direction in (1, -1) if near else ():
             order = own[np.argsort(direction * k[own])]
             # Coarse steps may have joined what is not one: its first points alone begin too.
             for begin in (order, order[:_FEWEST]):
@@ -93,7 +98,8 @@ def _followed(
                 yield _gone_on(*known, k, omega, direction * step, nyquist, cell)
     # Where ω = 0 at k = 0, ω is odd in k.
     odd = np.array([-1.0, 0.0, 1.0])
-    for first in np.flatnonzero((branch >= 0) & (k < 1.5 * step)):
+    coarse = omega > _COARSE * nyquist
+    for first in np.flatnonzero((branch >= 0) & coarse & (k < 1.5 * step)):
         known = odd * k[first], odd * omega[first], np.array([first])
         yield _gone_on(*known, k, omega, step, nyquist, cell)
 
