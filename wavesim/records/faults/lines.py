@@ -4,7 +4,7 @@
 
 from the first sample to the last, where the signal has no power, so that the signal does not tell
 on f, a and b: they are fitted to the whole record by least squares, weighed by the window of
-Blackman and Harris (Harris, Proc. IEEE 66, 51 (1978)), which lets nothing of other frequencies in.
+Blackman and Harris, which lets nothing of other frequencies in.
 With such a line no start is at rest.
 """
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.faults.finding import CURED, Finding, places
 from wavesim.records.faults.hum import passes
+from wavesim.records.windows import blackman_harris
 
 Float = NDArray[Any]
 
@@ -65,15 +66,9 @@ def without_lines(
     )  # fmt: skip
 
 
-def _window(n: int) -> Float:
-    angle = 2 * np.pi * np.arange(n) / n
-    parts = (0.35875, -0.48829, 0.14128, -0.01168)
-    return np.asarray(sum(a * np.cos(k * angle) for k, a in enumerate(parts)))
-
-
 def _standing_out(part: Float) -> list[NDArray[np.int64]]:
     """Bins of each channel at which a line stands, the strongest."""
-    power = np.abs(np.fft.rfft(part * _window(len(part))[:, None], axis=0)) ** 2
+    power = np.abs(np.fft.rfft(part * blackman_harris(len(part))[:, None], axis=0)) ** 2
     blocks = len(power) // _ABOUT
     usual = np.median(power[: blocks * _ABOUT].reshape(blocks, _ABOUT, -1), axis=1)
     edged = np.pad(usual, ((1, 1), (0, 0)), "edge")
@@ -89,7 +84,7 @@ def _standing_out(part: Float) -> list[NDArray[np.int64]]:
 def _lines(v: Float, f: Float) -> tuple[Float, Float] | None:
     """The course of a channel's steady lines and their frequencies, per frame, from a first guess;
     None where none is steady, or beside what else there is."""
-    frames, weight = np.arange(len(v)), np.sqrt(np.maximum(_window(len(v)), 0))
+    frames, weight = np.arange(len(v)), np.sqrt(blackman_harris(len(v)))
     for _ in range(_ROUNDS):
         angle = 2 * np.pi * np.outer(frames, f)
         cos, sin = np.cos(angle), np.sin(angle)
@@ -118,7 +113,7 @@ def _lines(v: Float, f: Float) -> tuple[Float, Float] | None:
 def _is_steady(rest: Float, wave: Float) -> bool:
     """Whether a line is as large in each part of a channel as in all of it."""
     for a, b in zip(np.array_split(rest, _BLOCKS), np.array_split(wave, _BLOCKS), strict=True):
-        window = _window(len(a))
+        window = blackman_harris(len(a))
         if abs(np.sum(window * a * b)) > _STEADY * np.sum(window * b * b):
             return False
     return True
