@@ -99,6 +99,17 @@ def test_a_clock_that_jitters_is_refused_and_noise_that_all_receivers_share_is_n
     record(line() + 0.02 * rng.normal(size=(len(T), 1)), T, X)
 
 
+def test_edges_sharper_than_an_interval_are_no_clock_that_jitters():
+    """Square pulses of 16 µs that go on without dispersion, two intervals from each of eight
+    receivers to the next: all frames are of their times."""
+    t, x, speed = T[:400], X[:8], 5000.0
+    since = t[:, None] - x / speed - 3e-5
+    points = in_time(record(noisy(1.0 * ((since > 0) & (since < 1.6e-5))), t, x), method="auto")
+    own = points.take(points.valid)
+    assert len(own) > 5
+    assert np.mean(np.abs(own.omega - speed * own.k) <= own.bar) >= 0.9
+
+
 @pytest.mark.parametrize("fault", ["reversed", "delayed"])
 def test_a_side_of_a_line_is_told_beside_two_modes(fault):
     """Seven of sixteen receivers of two modes turned round, or ten samples late and left out."""

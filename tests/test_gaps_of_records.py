@@ -133,3 +133,17 @@ def test_samples_that_noise_hardly_moves_are_no_gaps(part):
         noise = part * step * np.random.default_rng(seed).normal(size=u.shape)
         found = record(np.round((u + noise) / step) * step, t, X).findings
         assert not any(one.what == "filled in" for one in found)
+
+
+def test_a_digitisers_steps_are_no_noise_that_a_quiet_part_lacks():
+    """Noise is a fifth of a step, so that samples before a train of echoes stand still."""
+    t, step = np.arange(340) * 1e-6, 1 / 110
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        u = np.zeros((340, 2))
+        for at in np.r_[7e-5, rng.uniform(8e-5, 3.4e-4, 60)]:
+            late = (t[:, None] - at - np.array([0, 1e-5])) * 3e4
+            u += rng.normal() * np.where((late > 0) & (late < 1), np.sin(2 * np.pi * late), 0.0)
+        u = u / np.abs(u).max() + 0.2 * step * rng.normal(size=u.shape)
+        found = record(np.round(u / step) * step, t, np.array([0.0, 0.01])).findings
+        assert not any(one.what == "filled in" for one in found)

@@ -5,8 +5,8 @@ import pytest
 from pulses import named, ricker
 from scipy.optimize import brentq
 
-from wavesim.readings.pulse.arrivals import CONVENTIONS, arrivals, top
-from wavesim.readings.pulse.first_break import onset
+from wavesim.readings.pulse.arrivals import CONVENTIONS, arrivals, correlation, top
+from wavesim.readings.pulse.first_break import AT_THE_END, onset
 from wavesim.readings.pulse.signals import PulseError, pulse_record
 from wavesim.readings.pulse.transmission_record import transmission_record
 from wavesim.readings.pulse.velocity import arrival_velocity, told
@@ -235,3 +235,14 @@ def test_a_square_rises_at_once_and_a_faded_burst_in_half_of_its_fade():
     ):
         made = transmission_record(t, np.roll(sent, 900) + noise, sent)
         assert made.start + made.rise == pytest.approx(rise, abs=3e-6)
+
+
+def test_a_pulse_that_the_records_end_cuts_tells_no_lag():
+    """It ends with the middle of the second Ricker pulse, half of whose energy is beyond."""
+    t = np.arange(400) * 1e-7
+    first, second = ricker(t, 5e5, 1e-5), ricker(t, 5e5, 2e-5)
+    whole, cut = t < 3e-5, t < 2e-5
+    place, _, why = correlation(second[whole], first[whole], 1e-3, 1e-3)
+    assert not why
+    assert place == pytest.approx(100, abs=0.01)
+    assert correlation(second[cut], first[cut], 1e-3, 1e-3)[2] == AT_THE_END

@@ -164,6 +164,10 @@ def test_one_bad_file_of_a_series_is_refused_and_the_others_read(tmp_path):
         (["--input", "2", "--distance", "0"], "--distance 0: must be greater than 0"),
         (["--input", "2", "--distance", "1,2"], "--distance: 2 values for 1 records"),
         (["--input", "2", "--distance", "1", "--against", "stress"], "must be NAME=V1,V2"),
+        (
+            ["--input", "2", "--distance", "1", "--against", "p=10kPa,0.1MPa"],
+            "give all in one unit",
+        ),
         (["--input", "2", "--distance", "1", "--against", "s=1,2"], "2 values for 1 records"),
         (["--input", "2", "--distance", "1", "--delay", "1", "--face-to-face", "x"], "one of the"),
     ],

@@ -12,6 +12,7 @@ from pulses import named, ricker, through
 from wavesim.material.damping import constant_quality
 from wavesim.readings.pulse.array_reading import read_array
 from wavesim.readings.pulse.arrivals import threshold
+from wavesim.readings.pulse.either_way import read_either_way
 from wavesim.readings.pulse.measurement import measure
 from wavesim.readings.pulse.quality_over_band import Quality, all_alike, left_to_gains
 from wavesim.readings.pulse.signals import PulseError
@@ -445,3 +446,22 @@ def test_a_threshold_that_a_sample_meets_is_passed_there():
         first = int(np.ceil(place - 1e-6))
         assert np.abs(u[:first]).max() < np.abs(u[first])
         assert np.abs(u[first]) >= np.abs(u).max() / 2
+
+
+def test_of_two_receivers_one_of_reversed_polarity_is_named():
+    u = np.stack([ricker(T, F, 1e-5 + (x - X[0]) / C) for x in X[:2]], axis=1)
+    u = u * [1, -1] + 1e-3 * np.random.default_rng(4).standard_normal(u.shape)
+    found = read_either_way("turned", T, *named(u, X[:2]))
+    assert not found.best.valid or abs(found.best.velocity - C) < 2 * found.best.velocity_error
+    told = [found.best.reason, *found.notes]
+    assert any("r1 correlates better with r0 when turned over" in one for one in told)
+
+
+def test_a_receiver_on_the_sources_other_side_is_named():
+    """Four on one side, read as 3000 m/s without the first."""
+    x = np.array([-0.02, 0.02, 0.03, 0.045, 0.06])
+    u = np.stack([ricker(T, F, 1e-5 + abs(d) / C) for d in x], axis=1)
+    u = u + 1e-3 * np.random.default_rng(4).standard_normal(u.shape)
+    best = read_either_way("about", T, *named(u, x)).best
+    assert not best.valid
+    assert "with r0 the receivers hear no one wave, without it one of 3000 ±" in best.reason

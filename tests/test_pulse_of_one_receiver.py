@@ -333,7 +333,7 @@ def test_the_power_law_sets_aside_what_jumped_a_cycle():
 
 def test_what_cannot_be_read_is_refused():
     t, sent, got = record(120.0)
-    with pytest.raises(PulseError, match="transmitter's signal is constant: is --input"):
+    with pytest.raises(PulseError, match="signal is constant, or noise alone: is --input"):
         transmission_record(t, got, 0 * sent, "r")
     with pytest.raises(PulseError, match="receiver's signal is constant"):
         transmission_record(t, 0 * got, sent, "r")
@@ -374,3 +374,81 @@ def test_what_is_known_too_badly_is_known_of_a_longer_path():
     assert near.reason.endswith("or take a longer path")
     far = read_one(slow(1.2e4, 1e-3), 0.12, {}).best
     assert far.valid, far.reason
+
+
+def test_a_record_that_ends_while_its_wave_still_rises_is_refused():
+    """A tenth to 0.4 of a period after L/c: a P precursor of a tenth is all that comes whole."""
+    t, sent, got = record(120.0, guided=0.0)
+    for beyond in (0.1, 0.2, 0.4):
+        kept = t < L / 120 + beyond * 1e-4
+        best = read_one(transmission_record(t[kept], got[kept], sent[kept], "cut"), L, {}).best
+        assert not best.valid
+        assert "record longer" in best.reason
+
+
+def test_a_record_of_a_series_that_ends_before_its_wave_holds_it_or_says_so():
+    """The slowest two of six end at 0.95 of L/c, the others go on."""
+    stress = np.array([5, 10, 20, 40, 80, 160.0])
+    records = []
+    for n, speed in enumerate(60 * stress**0.27):
+        t, sent, got = record(speed, seed=n)
+        kept = t < (0.95 * L / speed if n < 2 else np.inf)
+        records.append(transmission_record(t[kept], got[kept], sent[kept], f"{n}"))
+    found, _ = read_series(records, L, {}, "stress (kPa)", stress.tolist())
+    for n, one in enumerate(found):
+        off = abs(one.best.velocity - 60 * stress[n] ** 0.27)
+        assert off < 2 * one.best.velocity_error if one.best.valid else n < 2
+    assert any("record's end" in one.best.reason for one in found[:2])
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.05, 0.1])
+def test_noise_of_the_input_is_not_sent(noise):
+    """Parts of the sine's peak; the start is within a tenth of a period, the speed in its bar."""
+    t, sent, got = record(120.0, crosstalk=0.1)
+    sent = sent + noise * np.abs(sent).max() * np.random.default_rng(2).standard_normal(len(t))
+    one = transmission_record(t, got, sent, "noisy input")
+    assert abs(one.start) < 1e-5
+    best = read_one(one, L, {}).best
+    assert best.valid, best.reason
+    assert abs(best.velocity - 120) < 2 * best.velocity_error
+
+
+def test_an_input_of_noise_alone_is_named():
+    t, _, got = record(120.0)
+    noise = np.random.default_rng(2).standard_normal(len(t))
+    with pytest.raises(PulseError, match="constant, or noise alone"):
+        transmission_record(t, got, noise, "noise")
+
+
+def test_a_p_wave_as_large_as_its_s_wave_is_not_taken_for_it():
+    """A wave 1.7 times as fast, of 1.1 of the S wave that is meant."""
+    best = read_one(made(120.0, precursor=1.1, guided=0.0), L, {}, Wanted("S")).best
+    assert not best.valid or abs(best.velocity - 120) < 2 * best.velocity_error
+
+
+@pytest.mark.parametrize("late", [2e-5, 4e-5])
+def test_crosstalk_ahead_of_the_wave_in_touch_is_in_the_delays_error(late):
+    """Of a fifth of the wave, which comes a fifth and two fifths of a period after it."""
+    t, sent, got = record(1e7, precursor=0.0, guided=0.0, crosstalk=0.2, creep=0.0, delay=late)
+    found = face_to_face(transmission_record(t, got, sent, "in touch"))
+    assert abs(found["first break"] - late) < 1.96 * found["open"] + 5e-6
+
+
+def test_where_nothing_but_crosstalk_is_heard_the_record_may_end_too_early():
+    t, sent, got = record(120.0, precursor=0.0, guided=0.0, creep=0.0)
+    kept = t < 0.9 * L / 120
+    best = read_one(transmission_record(t[kept], got[kept], sent[kept], "cut"), L, {}).best
+    assert "after the record's end (of less than 133" in best.reason
+
+
+def test_a_record_of_the_specimen_given_for_that_in_touch_is_named():
+    one = made(120.0, guided=0.5)
+    best = read_one(one, L, face_to_face(one)).best
+    assert not best.valid
+    assert "--face-to-face" in best.reason
+
+
+def test_an_expected_speed_that_takes_a_later_wave_is_told_of():
+    """At 0.72 c follows a guided wave of 0.3."""
+    reading = read_one(made(120.0, guided=0.3), L, {}, Wanted("", 86.0))
+    assert any("likelier the direct one" in note for note in reading.notes)

@@ -269,7 +269,8 @@ def _noted(reading: Any, test: Any) -> Any:
 
 def _line(test: Any, expected: tuple[float, float] | None, either_way: bool = False) -> Any:
     """A test of receivers along a line, from its first or from either end."""
-    from wavesim.readings.pulse.array_reading import read_array, read_either_way
+    from wavesim.readings.pulse.array_reading import read_array
+    from wavesim.readings.pulse.either_way import read_either_way
 
     placed = {name: x for name, x in test.positions.items() if math.isfinite(x)}
     signals = {name: test.signals[name] for name in placed}

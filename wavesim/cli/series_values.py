@@ -96,7 +96,10 @@ def _of_file(parameter: str, file: Path, files: Sequence[str]) -> tuple[str, str
 def _with_unit(parameter: str, listed: str) -> tuple[str, str]:
     """A series' parameter with the unit that its first or last value has, and its numbers alone."""
     found = re.findall(r"(?<=[\d.])\s*([A-Za-zµ%°/²³]+)\s*(?=[,;]|$)", listed)
-    if not found or len(set(found)) > 1:
+    if len(set(found)) > 1:
+        units = ", ".join(dict.fromkeys(found))
+        stop(f"--against {parameter}={listed}: values in {units}; give all in one unit", BAD_INPUT)
+    if not found:
         return parameter, listed
     numbers = re.sub(rf"\s*{re.escape(found[0])}\s*(?=[,;]|$)", "", listed)
     return (parameter if "(" in parameter else f"{parameter} ({found[0]})"), numbers

@@ -41,7 +41,6 @@ SPREADS = (
     "amplitudes fall as those of waves that spread, not of plane ones, so that there is no α or Q: "
     "wavesim attenuation takes --source and --spreading"
 )
-TURNED = "the wave runs towards smaller positions: distances are counted from the largest"
 _Speed = tuple[str, Velocity]
 # Noise of this part of the others' size is that of a receiver without a signal.
 _DEAD = 1e-2
@@ -169,26 +168,6 @@ def read_array(
         for j, key in enumerate(result.record.names)
     )
     return Reading(name, receivers, best, notes=tuple(notes), result=result)
-
-
-def read_either_way(
-    name: str,
-    t: ArrayLike,
-    signals: Mapping[str, ArrayLike],
-    positions: Mapping[str, float],
-    *more: Any,
-) -> Reading:
-    """:func:`read_array`, whichever end of the receivers' line the wave comes from."""  # fmt: skip
-    reading = read_array(name, t, signals, positions, *more)
-    if reading.best.reason != BACKWARDS:
-        return reading
-    ends = min(positions.values()) + max(positions.values())
-    turned = {key: ends - x for key, x in positions.items()}
-    other = read_array(name, t, signals, turned, *more)
-    if not other.best.valid:
-        return reading
-    receivers = tuple(replace(one, position=ends - one.position) for one in other.receivers)
-    return replace(other, receivers=receivers, notes=(TURNED, *other.notes))
 
 
 def _alike(result: PulseResult) -> str:

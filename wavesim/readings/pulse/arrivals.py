@@ -25,6 +25,8 @@ CONVENTIONS = ("first break", "threshold", "envelope", "correlation")
 _ABOVE_NOISE = 4.0
 # The parabola goes through the samples above this part of the envelope's peak.
 _CAP = 0.9
+# A reference of which this part of the energy lies beyond the record's end is seen cut.
+_LOST = 0.1
 # How exactly places between samples are found, in samples.
 _EXACT = 1e-9
 
@@ -155,6 +157,11 @@ def correlation(values: Float, reference: Float, noise: float, reference_noise: 
     if c[at] < DETECTED * noise * np.sqrt(np.sum(reference**2)):
         return np.nan, np.nan, WEAK
     lag = top(c, at)
+    # What of the reference lies beyond an end of the record at that lag is not there to be alike.
+    late = round(lag) - (len(reference) - 1)
+    lost = reference[len(reference) - late :] if late > 0 else reference[: max(-late, 0)]
+    if float(np.sum(lost**2)) - len(lost) * own**2 > _LOST * energy:
+        return np.nan, np.nan, AT_THE_END
     bend = -float(between(c, lag - 0.1) - 2 * between(c, lag) + between(c, lag + 0.1)) / 0.01
     a = float(between(c, lag)) / energy
     if not bend > 0:

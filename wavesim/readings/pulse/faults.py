@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.faults.quantisation import quanta
+from wavesim.simulation.bandlimited import cross_correlation
 
 Float = NDArray[Any]
 
@@ -20,6 +21,8 @@ _PADDING, _MUTED = 16, 4
 # A receiver turned over must leave this part of what was left before, and little at all; looked at
 # where every receiver has this part of its peak spectrum.
 _TURNED = 0.15
+# A signal is another's turned over where it correlates so much better that way, and so well.
+_OPPOSED, _COPY = 1.15, 0.7
 # Two gains leave this part of what a line leaves of ln|U| along the receivers, of so many at least
 # two have the other one, and it is this many times as large.
 _STEP_LEAVES, _FEWEST_OF_STEP, _STEP = 0.02, 6, 1.05
@@ -97,6 +100,18 @@ def reversed_receivers(values: Float, x: Float) -> list[int]:
     best = int(np.argmin(turned))
     clear = turned[best] < _FITS and turned[best] < _TURNED * apart(np.ones(m))
     return [best] if clear else []
+
+
+def opposed(values: Float) -> list[int]:
+    """Receivers whose signals are more like the first's when turned over, by their correlation.
+
+    Args:
+        values: u, shape (nt, m).
+    """
+    size = np.maximum(np.linalg.norm(values, axis=0), 1e-300)
+    each = [cross_correlation(u, values[:, 0]) / size[0] / s
+            for u, s in zip(values.T, size, strict=True)]  # fmt: skip
+    return [j for j, c in enumerate(each) if -c.min() > max(_OPPOSED * c.max(), _COPY)]
 
 
 def second_gain(values: Any, x: Float, above: NDArray[np.bool_]) -> str:

@@ -31,7 +31,7 @@ from wavesim.readings.pulse.reading import (
 )
 from wavesim.readings.pulse.signals import check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
-from wavesim.readings.pulse.travel_time import TravelTime, likeness, travel_times
+from wavesim.readings.pulse.travel_time import OPEN, REACHED, TravelTime, likeness, travel_times
 from wavesim.readings.pulse.wave_packets import (
     DIRECT,
     LEAST_P_OVER_S,
@@ -56,6 +56,8 @@ _APART = 0.6
 # What comes first, is the largest but for rounding and a copy of what was sent went straight: no
 # wave after it did that is smaller than this part of it.
 _LARGEST, _COPY, _ECHO = 0.999, 0.9, 0.5
+# A wave so near to that of transducers in touch, in periods, went no way between them.
+_IN_TOUCH = 0.3
 # A wave rises within so many periods after it breaks.
 _OWN_CYCLE = 0.65
 # Noise that hides a wave of this part of the largest is told of.
@@ -64,12 +66,31 @@ UNSAID = (
     "nothing says when it was sent, as the record begins at t = 0: --input names the column of "
     "what was sent, or --delay says by how much it was later (--delay 0s: then it is {:.4g} m/s)"
 )
+AFTER_CROSSTALK = (
+    "nothing stands out after the crosstalk, {:.3g} s long: the wave lies within it, is weaker "
+    "than the noise, or comes after the record's end (of less than {:.4g} m/s): shield the "
+    "transducers, average more, or record longer"
+)
+CUT = (
+    "the record ends while its largest wave still grows, which may be the direct one: record longer"
+)
+LIKELIER = (
+    "by sizes and times alone the wave at {:.3g} s, of {:.4g} m/s, is likelier the direct one: "
+    "what --expected says has decided"
+)
+AS_IN_TOUCH = (
+    "it arrives no later than what the transducers in touch heard may have: is --face-to-face a "
+    "record of the specimen itself? a shorter pulse, or --delay, would tell"
+)
 NOTHING = "no arrival stands out of the noise: average more, or listen nearer"
 
 
 def unheard(record: TransmissionRecord, distance: float) -> Reading:
     """A reading of a record in which nothing stands out."""
-    reason = hidden(record) if record.crosstalk else NOTHING
+    reason = NOTHING
+    if record.crosstalk:
+        least = distance / (float(record.t[-1]) - record.start)
+        reason = AFTER_CROSSTALK.format(record.blank - record.start, least)
     nothing = refused(record.name, "receiver", distance, reason)
     return replace(nothing, record=record, notes=record.notes)
 
@@ -99,11 +120,11 @@ def read_one(
     if not heard:
         return unheard(record, distance)
     delay = delays.get(OF_ONE, 0.0)
-    likely = likelihoods(heard, delay, wanted.wave)
+    likely = by_size = likelihoods(heard, delay, wanted.wave)
     begun = np.array([one.begins for one in heard])
     if wanted.speed > 0:
-        likely *= np.exp(-((np.log(distance / np.maximum(begun - delay, 1e-12) / wanted.speed)
-                            / _ABOUT_AS_FAST) ** 2) / 2)  # fmt: skip
+        off = np.log(distance / np.maximum(begun - delay, 1e-12) / wanted.speed) / _ABOUT_AS_FAST
+        likely = likely * np.exp(-(off**2) / 2)
         likely /= max(float(likely.max()), 1e-300)
     at = int(np.argmax(likely))
     as_well = (likely >= RIVAL) & (np.abs(begun - begun[at]) > _APART * record.period)
@@ -115,11 +136,17 @@ def read_one(
     rivals += [other] if math.isfinite(other) else []
     own = arrived(record, begins, delays)
     parts = left_open(record, heard, own, delays)
+    cut = any(not one.whole for one in heard if one is heard[at] or one.begins in rivals)
+    if cut and not endless(heard, record):
+        own = replace(own, reason=CUT)
     found = settled(record, heard, own, parts, distance, delays, rivals, wanted)
     below = hidden_by_noise(record)
     if at == 0 and _MAY_HIDE < below <= DIRECT:
         weak = f"noise hides packets of up to {below:.0%} of the largest, a direct wave so weak too"
         found = replace(found, notes=(*found.notes, weak))
+    if by_size[at] < RIVAL:
+        before = max(float(begun[int(np.argmax(by_size))]) - delay, 1e-12)
+        found = replace(found, notes=(*found.notes, LIKELIER.format(before, distance / before)))
     if below > DIRECT and found.best.valid:
         found = replace(found, best=replace(found.best, valid=False, reason=noisy(below)))
     return found
@@ -201,6 +228,9 @@ def settled(
     notes += _other_readings(told, at.begins, delay, distance, rivals, wanted)
     notes += [note for part, note in parts if note and part > 0]
     reason = at.reason or (hidden(record) if in_crosstalk(record, at.begins) else "")
+    about = _IN_TOUCH * record.period + delays.get(OPEN, 0.0) / REACHED
+    if not reason and OPEN in delays and abs(time) < about:
+        reason = AS_IN_TOUCH
     # No crosstalk, and nothing before t = 0, says that this is when it was sent.
     silent = record.sent is None and not delays and not record.crosstalk
     if not reason and silent and record.t[0] > record.start - record.interval:

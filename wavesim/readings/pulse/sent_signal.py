@@ -14,13 +14,15 @@ from wavesim.records.faults.quiet import fine_noise
 Float = NDArray[Any]
 
 NOTHING_SENT = (
-    "the transmitter's signal is constant: is --input its column? a step must be sent after the "
-    "record begins"
+    "the transmitter's signal is constant, or noise alone: is --input its column? a step must be "
+    "sent after the record begins"
 )
 # What is sent begins where it has this part of its peak.
 _SENT = 0.03
 # It is over where it has less than this part for as long as it lasted.
 _BACK = 0.15
+# White noise seldom reaches so many deviations in a record.
+_LOUDEST = 5.0
 # What varies by less than this many deviations of its noise, or of its least step, is constant.
 _NOISE = 12.0
 
@@ -40,7 +42,12 @@ def what_was_sent(t: Float, v: Float) -> tuple[float, float, Float]:
     peak = float(np.abs(v).max())
     if not peak > 0 or np.ptp(v) < min(_SENT * level, _NOISE * noise):
         raise PulseError(NOTHING_SENT)
-    above = np.flatnonzero(np.abs(v) >= _SENT * peak)
+    # Noise of the input's own channel is not sent; what is sent is mostly short, or smooth.
+    usual = 1.4826 * float(np.median(np.abs(v - np.median(v))))
+    least = max(_SENT * peak, _LOUDEST * min(fine_noise(v), usual))
+    above = np.flatnonzero(np.abs(v) >= least)
+    if not len(above):
+        raise PulseError(NOTHING_SENT)
     first, last = int(above[0]), int(above[-1])
     loud = np.flatnonzero(np.abs(v) >= _BACK * peak)
     apart = np.flatnonzero(np.diff(loud) > loud[:-1] - loud[0] + 4)
@@ -56,6 +63,15 @@ def what_was_sent(t: Float, v: Float) -> tuple[float, float, Float]:
     # The start lies before the first sample above the part, by how fast it rises there.
     rise = abs(v[min(first + 1, len(v) - 1)] - v[first])
     back = min(abs(v[first]) / rise, 1.0) if rise > 0 else 0.0
+    if least > _SENT * peak and first > 0:
+        # … or, where noise hides so small a part, from there to twice as much.
+        twice = max(int(np.argmax(np.abs(v) >= min(2 * least, 0.9 * peak))), first)
+        once, other = (
+            at - (abs(v[at]) - level) / max(abs(v[at]) - abs(v[at - 1]), 1e-300)
+            for at, level in ((first, least), (twice, min(2 * least, 0.9 * peak)))
+        )
+        back = first - once + other - once
+        v = np.where((np.arange(len(v)) >= first - back) & (np.arange(len(v)) <= last), v, 0.0)
     step = float(t[1] - t[0])
     return float(t[first]) - back * step, max(float(t[last] - t[first]), step), v
 

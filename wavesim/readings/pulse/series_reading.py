@@ -43,6 +43,8 @@ from wavesim.readings.pulse.wave_packets import (
 Float = NDArray[np.float64]
 
 FOLLOWED = "followed"
+# A wave that breaks within this part of a period of the record's end is not seen.
+_SEEN = 0.5
 # Arrivals within this part of a period are the same.
 _SAME = 0.6
 # What was followed to may be a cycle off where a record's own packet is so many periods from it.
@@ -60,6 +62,7 @@ ANOTHER = (
     "by itself it shows another direct wave than the series': was the distance, the wave, a sensor "
     "or its state another? --distance takes one for each record; else read it alone"
 )
+BEYOND = "its wave would arrive at the record's end, {:.3g} s, or after it: record longer"
 UNLIKE_MOST = (
     "most records of the series show no wave of this one's, or it lies within their crosstalk: "
     "shield and ground both sides, or look whether they are of one set-up"
@@ -167,8 +170,8 @@ def _read(
     likely = [likelihoods(one, delay, wanted.wave) for one in heard]
     other = of_another_set_up(found, heard, likely, delay, period)
     each = [
-        replace(one, reason=ANOTHER if no else one.reason)
-        for one, no in zip(each, other, strict=True)
+        replace(one, reason=(_at_end(r, one.begins, 1.0) or ANOTHER) if no else one.reason)
+        for r, one, no in zip(records, each, other, strict=True)
     ]
     parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
     # What a set-up leaves open it leaves open in most of its records, as many periods of each.
@@ -311,13 +314,21 @@ def _followed(
     moves = in_order(time[order][~(lost | noise_alone)[order]], float(np.median(period)))
     share_lost = float(np.sum(lost)) / max(1, int(np.sum(~noise_alone)))
     none = UNLIKE_MOST * (share_lost > _MOST_LOST and not moves)
+    ends = [_at_end(one, t + delay, _SEEN) for one, t in zip(records, time, strict=True)]
     return [
         Arrived(
             FOLLOWED, time[i] + delay, noise[i], share * period[i], one.second, one.times,
-            NOTHING if noise_alone[i] else UNLIKE if unlike[i] else none,
+            ends[i] or (NOTHING if noise_alone[i] else UNLIKE if unlike[i] else none),
         )
         for i, one in enumerate(alone)
     ]  # fmt: skip
+
+
+def _at_end(record: TransmissionRecord, begins: float, seen: float) -> str:
+    """Why a wave that breaks at a time after the start is not seen, less than so many periods
+    before the record's end; "" of others."""
+    last = float(record.t[-1]) - record.start
+    return BEYOND.format(last) if begins > last - seen * record.period else ""
 
 
 def _open_in_periods(alone: Sequence[Arrived], time: Float, period: Float) -> float:

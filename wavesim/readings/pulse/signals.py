@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.pulse import faults
-from wavesim.readings.pulse.first_break import WEAK, onset
+from wavesim.readings.pulse.first_break import AT_THE_END, WEAK, onset
 from wavesim.records.evenness import even
 from wavesim.records.faults.baseline import without_baseline
 from wavesim.records.faults.clipping import clipped
@@ -19,8 +19,8 @@ from wavesim.records.faults.fill_values import within_range, without_fill
 from wavesim.records.faults.finding import Finding
 from wavesim.records.faults.moveout import begun
 from wavesim.records.faults.quantisation import quanta
-from wavesim.records.faults.quiet import rest
-from wavesim.records.faults.steps import level_moves, without_steps
+from wavesim.records.faults.quiet import FEWEST, rest
+from wavesim.records.faults.steps import ENDS, level_moves, without_steps
 from wavesim.records.windows import noise_density
 
 Float = NDArray[Any]
@@ -195,8 +195,8 @@ def pulse_record(
         count = int(np.searchsorted(time, quiet[j])) - first
         if count >= FEWEST_QUIET and not why[j] and _wanders(own, count):
             why[j] = WANDERS
-        elif not why[j] and abs(level_moves(own)) > _MOVED * float(np.abs(own).max()):
-            why[j] = MOVED
+        elif not why[j]:
+            why[j] = _moved(own)
     why[flat & (why != MARKED)] = CLIPPED
     why[np.isin(why, ("", WANDERS)) & begun(values, at_rest) & np.isfinite(quiet)] = BEGUN
     there = np.flatnonzero(why != MARKED)
@@ -304,6 +304,18 @@ def checked(name: str, signal: ArrayLike, time: Float) -> Float:
             f"shape {one.shape}"
         )
     return np.array(one, float)
+
+
+def _moved(u: Float) -> str:
+    """Why arrivals of a signal can't be told, whose level at the end is another than at the
+    beginning; "" elsewhere. One that is reached at an end alone is of a wave that is cut there."""
+    moved = abs(level_moves(u))
+    if not moved > _MOVED * float(np.abs(u).max()):
+        return ""
+    ends = max(FEWEST, len(u) // ENDS)
+    if abs(float(u[-ends:].mean() - u[-2 * ends : -ends].mean())) > moved / 2:
+        return AT_THE_END
+    return BEGUN if abs(float(u[:ends].mean() - u[ends : 2 * ends].mean())) > moved / 2 else MOVED
 
 
 def _quiet_samples(u: Float) -> float:

@@ -26,7 +26,7 @@ from wavesim.readings.pulse.first_break import envelope
 from wavesim.readings.pulse.sent_signal import is_step
 from wavesim.readings.pulse.signals import PulseError
 from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord, blanked
-from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, endless, packets
+from wavesim.readings.pulse.wave_packets import LULL, break_between, direct, endless, packets, rises
 from wavesim.simulation.bandlimited import cross_correlation
 
 Float = NDArray[Any]
@@ -36,6 +36,8 @@ REACHED = 1 / 1.96
 # The key, among delays by convention, of what they leave open; in touch a wave is heard from this
 # part of the largest on.
 OPEN, _AUDIBLE = "open", 0.05
+# What breaks within this part of a period comes at once.
+_AT_ONCE = 0.1
 # The first break and the packet are looked for about the arrival that is known, in periods.
 _ABOUT = (0.8, 0.5)
 _PACKET = (0.5, 2.0)
@@ -103,9 +105,9 @@ def face_to_face(record: TransmissionRecord) -> dict[str, float]:
     """Delays of a system, by convention, from a record with the transducers in touch, s.
 
     What was received begins with what was sent, so that nothing can be taken for crosstalk. The
-    wave may have broken as early as anything is heard: crosstalk, or cycles of transducers that
-    ring, may hide that. The first break is taken in the middle between, and ``OPEN`` has a
-    standard error whose 95 % bar reaches either.
+    wave may have broken as early as anything is heard, or as late as its packet rises: crosstalk,
+    or cycles of transducers that ring, may hide that. The first break is taken in the middle
+    between, and ``OPEN`` has a standard error whose 95 % bar reaches either.
 
     Raises:
         PulseError: no arrival stands out, or none of many.
@@ -127,8 +129,12 @@ def face_to_face(record: TransmissionRecord) -> dict[str, float]:
     heard_from = float(plain.t[int(np.argmax(got > least))]) - plain.start
     # A convention that tells nothing here is put right by what the first break tells.
     told = {name: one.time if np.isfinite(one.time) else first for name, one in found.items()}
-    early = max(first - max(heard_from, 0.0), 0.0) / 2
-    return {**told, "first break": first - early, OPEN: REACHED * early}
+    earliest = min(first, max(heard_from, 0.0))
+    # What is heard at once may be crosstalk, into which the wave runs.
+    at_once = first < _AT_ONCE * plain.period
+    latest = max(first, rises(heard[at], plain)) if at_once else first
+    middle, apart = (earliest + latest) / 2, (latest - earliest) / 2
+    return {**told, "first break": middle, OPEN: REACHED * apart}
 
 
 def _window(record: TransmissionRecord, begins: float, before: float, after: float) -> slice:
@@ -136,7 +142,7 @@ def _window(record: TransmissionRecord, begins: float, before: float, after: flo
     first = int(np.searchsorted(record.t, record.blank))
     at = (begins + record.start - record.t[0]) / record.interval
     reach = record.period / record.interval
-    low = max(first, int(at - before * reach))
+    low = min(max(first, int(at - before * reach)), len(record.t) - 1)
     return slice(low, max(low + 1, min(len(record.t), int(at + after * reach) + 1)))
 
 

@@ -41,7 +41,7 @@ LEAST_P_OVER_S = _PAIR[1]
 # and after it, as its S wave or not, as a guided wave. Also where the sender's wave is known.
 _SIZE = (0.2, 0.3, 0.5, 0.8, 1.5, 2.5, 4.0)
 _AHEAD_PAIR = (1.0, 0.95, 0.6, 0.4, 0.32, 0.28, 0.1)
-_AHEAD_PAIR_S = (1.0, 1.0, 1.0, 0.8, 0.7, 0.5, 0.2)
+_AHEAD_PAIR_S = (1.0, 1.0, 1.0, 0.8, 0.3, 0.1, 0.03)
 _AHEAD_ELSE = (1.0, 0.5, 0.16, 0.1, 0.06, 0.03, 0.01)
 _AFTER = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 15.0)
 _AFTER_PAIR = (1.0, 0.7, 0.24, 0.08, 0.02, 0.01, 0.01)
@@ -71,6 +71,8 @@ _MANY, _LARGE, _AT_END = 7, 0.3, 0.5
 # packet before, in periods.
 _APART = 0.6
 _BEFORE, _FOOT = 2.5, 0.1
+# A top so near the record's end, in periods, is none: the signal grows on.
+_CUT = 0.3
 # An echo comes within this part of three times the direct wave's time.
 _ECHO = 0.08
 LULL = 0.3
@@ -90,6 +92,7 @@ class Packet:
         size: of the top, over that of the largest, –.
         name: "direct", "P precursor", "faster wave or near field", "guided or reflected", …
         wave: which wave it is, such as "S"; "" where that is not known.
+        whole: whether the record goes on to its top.
     """
 
     top: float
@@ -98,6 +101,7 @@ class Packet:
     size: float
     name: str = ""
     wave: str = ""
+    whole: bool = True
 
 
 def packets(record: TransmissionRecord) -> list[Packet]:
@@ -111,6 +115,11 @@ def packets(record: TransmissionRecord) -> list[Packet]:
     apart = max(1, int(_APART * period / dt))
     tops, _ = find_peaks(size, height=least, distance=apart, prominence=0.25 * least)
     found = []
+    # Where the record ends sooner than the top of what is largest in it, that is one all the same.
+    cut = int(np.argmax(size))
+    cut = cut if len(size) - cut <= max(1, int(_CUT * period / dt)) and largest > least else -1
+    if cut > 0:
+        tops = np.append(tops[tops < cut - apart / 2], cut)
     # A burst's envelope may be highest at its end.
     before_top = _BEFORE * period + max(0.0, record.length - period)
     first = int(np.searchsorted(record.t, record.blank))
@@ -127,7 +136,7 @@ def packets(record: TransmissionRecord) -> list[Packet]:
         begins = break_between(record, low, at + 1)
         if begins is not None:
             place = float(record.t[0] + at * dt - record.start)
-            found.append(Packet(place, *begins, float(size[at]) / largest))
+            found.append(Packet(place, *begins, float(size[at]) / largest, whole=at != cut))
     return _without_later_edges(_bursts_whole(found, record), record)
 
 
@@ -273,6 +282,7 @@ def likelihoods(found: Sequence[Packet], delay: float = 0.0, wave: str = "") -> 
             # P waves that went longer ways follow the first one, and are no larger.
             of_first = np.triu(own[:i, None] > _NO_LARGER * own[:i])
             of_first &= own[:i, None] < one.size
+            np.fill_diagonal(of_first, True)
             pair[:i] = np.max(of_first * pair[:i, None], axis=0, initial=0.0)
         size = own / one.size
 

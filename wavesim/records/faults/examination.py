@@ -19,6 +19,7 @@ from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
 from wavesim.records.faults.frame_times import check_clock, check_goes_on, held_alone, once_each
 from wavesim.records.faults.hum import without_early_hum
 from wavesim.records.faults.interleaved import one_converter
+from wavesim.records.faults.late_in_turn import check_none_late_in_turn
 from wavesim.records.faults.lines import without_lines
 from wavesim.records.faults.moveout import (
     BEGINS,
@@ -167,6 +168,7 @@ def together(
     line = not ring and np.isfinite(x).all()
     mended = Mended(np.arange(nx), np.ones(nx), np.zeros(nx, bool))
     if line and not as_recorded:
+        check_none_late_in_turn(values[strongest], t, x, labels, own)
         check_order(values[strongest], t, x, own, times, mended, _EXCHANGED + 1)
     odd = np.zeros(nx, bool)
     seam = not lost[[0, -1]].any()

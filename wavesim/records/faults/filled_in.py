@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavesim.records.faults.finding import CURED, Finding, places
+from wavesim.records.faults.quantisation import quanta
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -25,6 +26,8 @@ _SHORTEST, _CHANCE, _OFTEN = 8, 1e-6, 0.3
 # fourth differences over second ones are more than this (3.4 of white noise, of a wave of n samples
 # to its period (2π/n)²).
 _QUIETEST, _BLOCK, _WHITE = 0.25, 16, 2.0
+# … and where second differences are a digitiser's steps and no more, samples stand still by right.
+_STEPS = 1.5
 # Numbers of so many digits or decimals, and of single precision, are told by so many samples.
 _DIGITS, _LOOKED_AT = 12, 256
 _LISTED = 3
@@ -96,6 +99,8 @@ def _straight(v: Float, second: Float, count: int) -> list[tuple[int, int]]:
     rough = float(np.median(blocks[quiet]))
     # Where samples stand still beneath a digitiser's step, one that stands still tells nothing.
     if not rough or float(np.median(finer[quiet])) < _WHITE * rough:
+        return []
+    if rough < _STEPS * float(quanta(v[None, :, None])[0]):
         return []
     within = small[:n].reshape(-1, _BLOCK)[whole][quiet].mean()
     found = []

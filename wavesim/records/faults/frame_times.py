@@ -32,8 +32,9 @@ _OFF, _ONE, _ALL, _WITHIN, _AT_REST, _ALIKE = 15.0, 8.0, 40.0, 21, 0.25, 0.5
 _BETWEEN, _COPIED, _ONE_TIME = 0.25, 0.04, 0.6
 # Deviations that receivers share along their slopes are this part of what they would be if nothing
 # else were there, by the median of so many parts of the record, as what is picked up is in one, and
-# more than this part of an interval. Waves and noise make up to 0.3 of the first.
-_ALONG, _STRETCHES, _OF_INTERVAL = 0.7, 5, 0.02
+# between these parts of an interval: less is noise, and more is no frame’s in its place, but
+# edges sharper than an interval. Waves and noise make up to 0.3 of the first.
+_ALONG, _STRETCHES, _OF_INTERVAL, _OUT_OF_PLACE = 0.7, 5, 0.03, 0.6
 # Of fewer receivers the two shapes that are taken out of all leave too little.
 _FEWEST = 6
 
@@ -191,7 +192,9 @@ def check_clock(u: Float) -> None:
         for power in (along - chance, chance * (np.maximum(receivers, _MOVING) - 1))
     )
     late = float(np.sqrt(np.sum(along[moves]) / np.sum(steep[moves])))
-    if np.median(excess / np.maximum(all_of_it, 1e-300)) > _ALONG and late > _OF_INTERVAL:
+    if not _OF_INTERVAL < late < _OUT_OF_PLACE:
+        return
+    if np.median(excess / np.maximum(all_of_it, 1e-300)) > _ALONG:
         raise RecordError(
             f"frames are off their times by {late:.2g} of an interval (rms), all receivers alike, "
             "as of a record put on another clock by its nearest samples, or of a clock that "

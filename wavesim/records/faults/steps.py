@@ -20,7 +20,7 @@ Float = NDArray[Any]
 
 # A level is that of this part of the record at either end, at rest there but for this part of the
 # step; the two differ by so many standard errors, and this part of the peak.
-_ENDS, _REST, _ERRORS, _PART = 32, 0.2, 8.0, 1e-3
+ENDS, _REST, _ERRORS, _PART = 32, 0.2, 8.0, 1e-3
 # Parabolas through so many samples on either side of a jump tell it, up to this part of a period:
 # to this part of what the level moved by, and so many deviations of what they leave; it stands out
 # of these by so many, and elsewhere none does by half as many.
@@ -42,7 +42,7 @@ def without_steps(
         found: findings, added to.
     """
     nt, nx = values.shape
-    if nx < 2 or nt < 4 * max(FEWEST, nt // _ENDS):
+    if nx < 2 or nt < 4 * max(FEWEST, nt // ENDS):
         return False
     whole = np.isfinite(values).mean(axis=0) > 0.5
     moved = np.array([level_moves(_filled(v)) if one else 0.0
@@ -89,7 +89,7 @@ def _filled(v: Float) -> Float:
 def level_moves(u: Float) -> float:
     """By how much the level at the end is off that at the beginning; 0 where it is not, or where
     either is not at rest."""
-    ends = max(FEWEST, len(u) // _ENDS)
+    ends = max(FEWEST, len(u) // ENDS)
     first, last = u[:ends], u[-ends:]
     moved = float(last.mean() - first.mean())
     error = float(np.hypot(_error(first), _error(last)))
