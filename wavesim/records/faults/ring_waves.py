@@ -135,7 +135,7 @@ def waves_appear(component: Float) -> bool:
     first, last = (
         np.abs(fft(part * window, axis=0)) ** 2 for part in (hat[:quarter], hat[-quarter:])
     )
-    beside = sum(np.roll(first, m, axis=0) for m in range(-_BESIDE, _BESIDE + 1))
+    beside = np.sum([np.roll(first, m, axis=0) for m in range(-_BESIDE, _BESIDE + 1)], axis=0)
     top = last.argmax(axis=0), np.arange(last.shape[1])
     power = last[top] * (last[top] > _PEAK * np.median(last, axis=0))
     return bool(power[last[top] > _GROWN * beside[top]].sum() > _MOSTLY * last.max(axis=0).sum())
