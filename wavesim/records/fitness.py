@@ -9,7 +9,6 @@ import numpy as np
 from wavesim.records.content import RecordError
 from wavesim.records.faults.clipping import NORMALISED
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
-from wavesim.records.faults.moveout import BEGINS
 from wavesim.records.faults.ring_misfits import gains
 from wavesim.records.faults.ring_waves import missing_between_ends, waves_appear
 from wavesim.records.faults.unfit_receivers import PART
@@ -47,12 +46,11 @@ def for_k_at_frequency(record: Record) -> Record:
             f"{record.source_seen:.3g}"
         )
     if len(record.begun) and record.begun.any() and not record.ring:
-        muted = any(finding.what == "muted" for finding in record.findings)
-        what = "muted" if muted else "begins inside"
-        remedy = "give them as they were recorded" if muted else (
-            "begin it before the source does (a pre-trigger), or give receivers farther away"
+        record = _without(
+            record, record.begun, "begins inside",
+            "the record begins inside the signal",
+            "begin it before the source does (a pre-trigger), or give receivers farther away",
         )  # fmt: skip
-        record = _without(record, record.begun, what, BEGINS[what], remedy)
     return unclipped(record)
 
 

@@ -29,7 +29,7 @@ from wavesim.readings.dispersion.simplest_waves import EXCESS, MORE, UNLIKE, lin
 from wavesim.readings.dispersion.spreading import spreads
 from wavesim.readings.dispersion.unequal_gains import with_unequal_gains
 from wavesim.readings.pulse.first_break import envelope
-from wavesim.records.faults.quiet import frames_at_rest
+from wavesim.records.faults.quiet import beside_mutes, frames_at_rest
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
@@ -121,7 +121,7 @@ def in_space(
     receivers, x, stretch = _line(record, clear)
     values = record.values[component][:, receivers]
     # The window begins where something moves, so that it weighs no more noise than it must.
-    rest = frames_at_rest(values)
+    rest = frames_at_rest(whole := values)
     quiet = values[:rest].std(axis=0) if rest else 0.0
     record = record.since(record.t[rest])
     values = record.values[component][:, receivers]
@@ -142,12 +142,14 @@ def in_space(
     slope = np.abs(values[_FIRST] - values[0]) / (_FIRST * record.interval)
     slope -= _OF_NOISE * np.maximum(deviation, quiet) * np.sqrt(2) / (_FIRST * record.interval)
     begun = np.hypot(begun, np.maximum(slope, 0) / omega[:, None])
-    unsure = begun / np.maximum(np.abs(U), 1e-290) / omega[:, None]
+    quantum, size = record.receivers(receivers).quantum, np.maximum(np.abs(U), 1e-290)
+    edges = beside_mutes(whole, quantum, sigma * record.interval, rest)
+    cut = begun / size / omega[:, None] > _BEGUN
+    unsure = np.hypot(begun, edges) / size / omega[:, None]
     if spreading:
         along = np.abs(x - _nearest(record, x)) ** spreading
         U, middle = U * along, float(np.sqrt(np.mean(along**2)))
         left_out, noise = left_out * middle, noise * middle
-    cut = unsure > _BEGUN
     used = np.abs(U) > np.maximum(_ABOVE_TRUNCATION * left_out, _ABOVE_NOISE * noise)[:, None]
     used &= ~cut
     spread = "" if spreading or record.ring else spreads(U, x, used, _nearest(record, x, None))
@@ -156,10 +158,8 @@ def in_space(
             ~cut & (np.abs(U) > _ABOVE_TRUNCATION * left_out[:, None])
         )
     heard = np.asarray(used.any(axis=0))
-    if heard.sum() < 2:
-        heard = np.ones(len(x), bool)
-    else:  # what is heard nowhere makes no spacing shorter
-        U, x, used, unsure = U[:, heard], x[heard], used[:, heard], unsure[:, heard]
+    heard |= heard.sum() < 2  # what is heard nowhere makes no spacing shorter
+    U, x, used, unsure = U[:, heard], x[heard], used[:, heard], unsure[:, heard]
     fits = line_fits(U, x, used, pairs)
     level = np.hypot(left_out, noise)
     # What comes round a ring is a wave of its own only where there are receivers to tell it by.
@@ -201,8 +201,7 @@ def in_space(
         known = points.branch, points.k.real, points.omega.real
         why = FOLDED if len(x) > 2 else OR_BOTH_WAYS
         points = points.refused(folded_branches(*known, gap, beyond), why)
-    points = points.refused(grows, GROWS)
-    return _with_branches(_enough(points, U * used, models), omega)
+    return _with_branches(_enough(points.refused(grows, GROWS), U * used, models), omega)
 
 
 def _enough(points: BranchPoints, heard: Any, models: Any) -> BranchPoints:

@@ -15,18 +15,16 @@ from wavesim.records.faults.clipping import clipped, tell_processed, without_stu
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.filled_in import without_filled_in
-from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
+from wavesim.records.faults.finding import TAKEN_OUT, TOLD, WIDENED, Finding, places
 from wavesim.records.faults.frame_times import check_clock, check_goes_on, held_alone, once_each
 from wavesim.records.faults.hum import without_early_hum
 from wavesim.records.faults.interleaved import one_converter
 from wavesim.records.faults.late_in_turn import check_none_late_in_turn
 from wavesim.records.faults.lines import without_lines
 from wavesim.records.faults.moveout import (
-    BEGINS,
     arrivals,
     begun,
     comes_round,
-    muted_until,
     of_no_wave,
     source_within,
     speed,
@@ -34,7 +32,7 @@ from wavesim.records.faults.moveout import (
 from wavesim.records.faults.neighbours import unlike_neighbours
 from wavesim.records.faults.order import check_order
 from wavesim.records.faults.polarity import turned_round
-from wavesim.records.faults.quiet import Rest, rest
+from wavesim.records.faults.quiet import Rest, beside_mutes, rest
 from wavesim.records.faults.recovery import without_recovery
 from wavesim.records.faults.ring_misfits import ring_misfits
 from wavesim.records.faults.undersampling import tell_undersampled
@@ -43,6 +41,8 @@ Float = NDArray[Any]
 Mask = NDArray[np.bool_]
 # Beside noise of this part of the spectrum's highest no two samples are alike by chance.
 _NOISY = 1e-5
+# Signals are muted into the wave where beside the mute they are this part of their peak.
+_MUTED_INTO = 0.03
 # Two receivers that stand in each other's place can be put back.
 _EXCHANGED = 2
 
@@ -197,8 +197,7 @@ def together(
         )  # fmt: skip
     if not ring:
         tell_undersampled(values[strongest], own.noise, found)
-    muted = muted_until(values[strongest], quantum) if not ring else np.zeros(nx, int)
-    within = begun(values[strongest], own, muted)
+    within = begun(values[strongest], own)
     place = None
     if line and nx > 2:
         place = source_within(x, times[0])
@@ -212,10 +211,18 @@ def together(
                     "ring: if they are, say so with --ring, for nothing else is read right then")
         )  # fmt: skip
     if within.any() and not ring:
-        what = "muted" if muted[within].any() else "begins inside"
-        said = f"{int(within.sum())} of {nx} receivers"
-        where = places(x, within, labels)
-        found.append(Finding(what, where, said, TOLD, f"{BEGINS[what]} at {said} ({where})"))
+        found.append(
+            Finding("begins inside", places(x, within, labels),
+                    f"{int(within.sum())} of {nx} receivers", TOLD,
+                    "the record begins inside the signal at "
+                    f"{int(within.sum())} of {nx} receivers ({places(x, within, labels)})")
+        )  # fmt: skip
+    if not ring:
+        peak = np.abs(values[strongest]).max(axis=0)
+        muted = beside_mutes(values[strongest], quantum) > _MUTED_INTO * peak
+        where, size = places(x, muted, labels), f"{int(muted.sum())} of {nx} receivers"
+        said = f"signals are muted into the wave at {size} ({where})"
+        found += [Finding("muted", where, size, WIDENED, said)] * bool(muted.any())
     return mended, odd, within, place
 
 

@@ -38,6 +38,11 @@ _FEET, _RISES, _WITHIN = ((0.1, 0.5), (0.5, 0.9), (1e-12, 1e-12)), 2, 5.5
 # Parts of so many frames that are louder by so many deviations than what is before are a foot.
 _PART_AT_REST, _LOUDER = 16, 2.0
 
+# So many frames that are exactly still are no chance, beside noise of this part of the peak, of
+# which this part at least is white, in the quietest of so many parts; and the signal is so many
+# times that above it.
+_MUTED, _NO_NOISE, _WHITE, _PARTS, _OVER = 8, 1e-6, 0.3, 8, 4.0
+
 
 @dataclass(frozen=True)
 class Rest:
@@ -115,6 +120,41 @@ def fine_noise(v: Float) -> float:
     if len(v) < 8:
         return 0.0
     return 1.4826 * float(np.median(np.abs(np.diff(v, 3)))) / np.sqrt(20.0)
+
+
+def beside_mutes(
+    component: Float, quantum: Float | float, decay: float = 0.0, start: int = 0
+) -> Float:
+    """Largest |u| above the noise within a quarter of a period of where signals are set to 0: all
+    before a time of each receiver's own, or all after one, shape (nx,); 0 without a mute.
+
+    A mute is a stretch that is exactly still, beside noise.
+
+    Args:
+        component: u, shape (nt, nx), finite.
+        quantum: least step of each, shape (nx,) or (); none where empty.
+        decay, start: of a window e^{−decay (i − start)} over the frames i that this is seen under.
+    """
+    size = np.zeros(component.shape[1])
+    quantum = np.broadcast_to(quantum if np.size(quantum) else 0.0, size.shape)
+    for u, ends in ((component, False), (component[::-1], True)):
+        moves = u != u[0]
+        first = np.where(moves.any(axis=0), moves.argmax(axis=0), 0)
+        for j in np.flatnonzero(first >= _MUTED):
+            v = u[first[j] :, j] - u[0, j]
+            # Of signals muted at both ends what is between.
+            v = v[: int(np.flatnonzero(np.diff(v))[-1]) + 1]
+            still = min(np.array_split(v, _PARTS), key=np.std)
+            # A signal that rises from nothing has kinks, but leaves no noise when it has passed.
+            noise = float(np.std(still)) if fine_noise(still) > _WHITE * np.std(still) else 0.0
+            if noise > max(quantum[j], _NO_NOISE * float(np.abs(v).max())):
+                # Of the mean ω by power.
+                change = max(float(np.sum(np.diff(v) ** 2)), 1e-290)
+                quarter = int(np.pi / 2 * np.sqrt(float(np.sum(v**2)) / change))
+                beside = max(float(np.abs(v[: quarter + 1]).max()) ** 2 - (_OVER * noise) ** 2, 0)
+                at = len(u) - 1 - first[j] if ends else first[j]
+                size[j] = np.hypot(size[j], np.sqrt(beside) * np.exp(-decay * (at - start)))
+    return size
 
 
 def _still(head: Float, v: Float, peak: float, least: float) -> bool:
