@@ -99,6 +99,17 @@ def test_a_clock_that_jitters_is_refused_and_noise_that_all_receivers_share_is_n
     record(line() + 0.02 * rng.normal(size=(len(T), 1)), T, X)
 
 
+def test_edges_sharper_than_an_interval_are_no_clock_that_jitters():
+    """Square pulses of 16 µs that go on without dispersion, two intervals from each of eight
+    receivers to the next: all frames are of their times."""
+    t, x, speed = T[:400], X[:8], 5000.0
+    since = t[:, None] - x / speed - 3e-5
+    points = in_time(record(noisy(1.0 * ((since > 0) & (since < 1.6e-5))), t, x), method="auto")
+    own = points.take(points.valid)
+    assert len(own) > 5
+    assert np.mean(np.abs(own.omega - speed * own.k) <= own.bar) >= 0.9
+
+
 @pytest.mark.parametrize("fault", ["reversed", "delayed"])
 def test_a_side_of_a_line_is_told_beside_two_modes(fault):
     """Seven of sixteen receivers of two modes turned round, or ten samples late and left out."""
@@ -282,3 +293,28 @@ def test_noise_of_a_dead_channel_makes_no_clock_jitter():
         found = record(u, 1e-6 * np.arange(1200), x)
         assert x[dead] not in found.x
         assert len(found.x) == 7
+
+
+def test_frames_that_a_restart_wrote_again_are_there_once():
+    """A program that goes on from its last stored state writes again what came after it."""
+    u = line()
+    again = np.r_[:120, 90:400, 380:1000]
+    found = record(u[again], T[again], X)
+    (one,) = found.findings
+    assert (one.what, one.size) == ("frames twice", "50 frames")
+    np.testing.assert_array_equal(found.values[0], u)
+    other = u[again] + np.where(np.arange(len(again)) < 120, 1e-3, 0)[:, None]
+    with pytest.raises(RecordError, match="times must ascend"):
+        record(other, T[again], X)
+
+
+@pytest.mark.parametrize("which", [slice(8, 16), slice(0, 16, 3)])
+def test_channels_of_a_slower_clock_filled_in_are_left_out(which):
+    """Each sample held until the next is late by half the slower interval, and no flat top."""
+    u = line()
+    u[:, which] = np.repeat(u[::4, which], 4, axis=0)
+    found = record(u, T, X)
+    (one,) = found.findings
+    assert (one.what, one.size) == ("samples held", "4 times")
+    np.testing.assert_array_equal(found.x, np.delete(X, which))
+    held(in_time(found, method="auto"))

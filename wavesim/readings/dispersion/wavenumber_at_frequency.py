@@ -46,9 +46,10 @@ _ABOVE_TRUNCATION = 30.0
 _ABOVE_NOISE = 3.0
 _LARGEST_ERROR = 0.5
 _NYQUIST = 0.97
-# Fewer points, of less than this part of the power heard, are no wave where the rest is none; nor
-# any where this part of it is several waves that receivers are too few to tell; gains leave less.
-_FEW, _OF_POWER, _OF_SEVERAL, _OF_GAINS = 5, 0.2, 0.1, 3e-3
+# Fewer points, of less than this part of the power heard, or any of less than that, are no wave
+# where the rest is none; nor any where this part of it is several waves that receivers are too few
+# to tell; gains leave less.
+_FEW, _OF_POWER, _FAINT, _OF_SEVERAL, _OF_GAINS = 5, 0.2, 0.03, 0.1, 3e-3
 # Where so many frequencies show more than one mode, a record holds several.
 _SEVERAL = 2
 # Part of the Nyquist frequency up to which what lies beyond is not folded in.
@@ -211,11 +212,12 @@ def _enough(points: BranchPoints, heard: Any, models: Any) -> BranchPoints:
     power, none = np.sum(np.abs(heard) ** 2, axis=1), ~points.valid
     read, several = np.unique(step[~none]), np.isin(points.reason, (MORE, UNLIKE))
     several &= points.residual > _OF_GAINS
-    few = len(read) < min(_FEW, len(heard) / 2)
-    refused = few and power[read].sum() < _OF_POWER * power.sum()
+    told, rest = power[read].sum(), power[np.setdiff1d(step[several & none], read)].sum()
+    few = len(read) < min(_FEW, len(heard) / 2) and told < _OF_POWER * power.sum()
+    refused = few or told < _FAINT * rest
     if heard.shape[1] <= unknowns(2, False):
-        mixed = power[np.unique(step[several])].sum() > _OF_SEVERAL * power.sum()
-        refused, none = refused or mixed, several if mixed else none
+        many = power[np.unique(step[several])].sum() > _OF_SEVERAL * power.sum()
+        refused, none = refused or many, several if many else none
     if not refused:
         return points
     return points.refused(points.valid, points.reason[np.argmax(power[step] * none)])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError
 from wavesim.records.evenness import even
-from wavesim.records.faults.finding import CURED, Finding
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -32,8 +32,9 @@ _OFF, _ONE, _ALL, _WITHIN, _AT_REST, _ALIKE = 15.0, 8.0, 40.0, 21, 0.25, 0.5
 _BETWEEN, _COPIED, _ONE_TIME = 0.25, 0.04, 0.6
 # Deviations that receivers share along their slopes are this part of what they would be if nothing
 # else were there, by the median of so many parts of the record, as what is picked up is in one, and
-# more than this part of an interval. Waves and noise make up to 0.3 of the first.
-_ALONG, _STRETCHES, _OF_INTERVAL = 0.7, 5, 0.02
+# between these parts of an interval: less is noise, and more is no frame’s in its place, but
+# edges sharper than an interval. Waves and noise make up to 0.3 of the first.
+_ALONG, _STRETCHES, _OF_INTERVAL, _OUT_OF_PLACE = 0.7, 5, 0.03, 0.6
 # Of fewer receivers the two shapes that are taken out of all leave too little.
 _FEWEST = 6
 
@@ -53,19 +54,16 @@ def once_each(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
     lively = ~same
     if same.sum() < _AGAIN or lively.sum() < 16:
         return values, t, 1
-    first = int(np.argmax(lively)) + 1
     changes = np.flatnonzero(lively) + 1
     gaps = np.diff(changes)
-    for held in range(2, _MOST_HELD + 1):
-        # Where all is quiet to the last digit frames are equal by right, too.
-        if np.mean(gaps % held == 0) > 0.98 and np.mean(gaps == held) > 0.5:
-            start = first % held
-            found.append(
-                Finding("samples repeated", "all receivers", f"{held} times each", CURED,
-                        f"each sample is there {held} times: one of each taken, so that frames are "
-                        f"{held} times as far apart")
-            )  # fmt: skip
-            return values[:, start::held], t[start::held], held
+    if held := _held(gaps):
+        start = int(changes[0]) % held
+        found.append(
+            Finding("samples repeated", "all receivers", f"{held} times each", CURED,
+                    f"each sample is there {held} times: one of each taken, so that frames are "
+                    f"{held} times as far apart")
+        )  # fmt: skip
+        return values[:, start::held], t[start::held], held
     # Frames at rest before and after are equal by right, and so are a few at a quantised crest.
     if np.sum(gaps - 1) < _AGAIN:
         return values, t, 1
@@ -78,6 +76,39 @@ def once_each(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
                 f"from a clock {slower.step:.6g} times slower by the nearest: one of each taken")
     )  # fmt: skip
     return values[:, changes], t[changes], slower.step
+
+
+def _held(gaps: NDArray[np.int64]) -> int:
+    """For how many frames samples are held that change after so many each; 0 where they are not."""
+    for held in range(2, _MOST_HELD + 1):
+        # Where all is quiet to the last digit frames are equal by right, too.
+        if len(gaps) and np.mean(gaps % held == 0) > 0.98 and np.mean(gaps == held) > 0.5:
+            return held
+    return 0
+
+
+def held_alone(values: Float, x: Float, labels: tuple[str, ...], found: list[Finding]) -> Mask:
+    """Receivers whose samples are held for several frames each, where others' are not, shape (nx,):
+    those of a slower clock, filled in on a faster one, by the last sample or by another.
+
+    Args:
+        values: shape (C, nt, nx), NaN where a sample is missing.
+        x, labels: positions and names of the receivers.
+        found: findings, added to.
+    """
+    lively = (values[:, 1:] != values[:, :-1]).any(axis=0)
+    held = np.array([_held(np.diff(np.flatnonzero(one))) if one.sum() >= 16 else 0
+                     for one in lively.T])  # fmt: skip
+    out = np.asarray(held > 0)
+    if not out.any() or out.all():
+        return np.zeros(len(x), bool)
+    where, size = places(x, out, labels), f"{held.max()} times"
+    found.append(
+        Finding("samples held", where, size, TAKEN_OUT,
+                f"each sample is there up to {size}, as of a slower clock than the others': left "
+                f"out ({where})")
+    )  # fmt: skip
+    return out
 
 
 def check_goes_on(u: Float, t: Float) -> None:
@@ -161,7 +192,9 @@ def check_clock(u: Float) -> None:
         for power in (along - chance, chance * (np.maximum(receivers, _MOVING) - 1))
     )
     late = float(np.sqrt(np.sum(along[moves]) / np.sum(steep[moves])))
-    if np.median(excess / np.maximum(all_of_it, 1e-300)) > _ALONG and late > _OF_INTERVAL:
+    if not _OF_INTERVAL < late < _OUT_OF_PLACE:
+        return
+    if np.median(excess / np.maximum(all_of_it, 1e-300)) > _ALONG:
         raise RecordError(
             f"frames are off their times by {late:.2g} of an interval (rms), all receivers alike, "
             "as of a record put on another clock by its nearest samples, or of a clock that "

@@ -65,28 +65,36 @@ def turned_round(
 def _polarity(component: Float) -> Float | None:
     """Polarity of each receiver, ±1, most of them +1, shape (nx,); None where all are alike, or it
     is unsure."""
+    if (tops := packets(component)) is None:
+        return None
+    lags, phase = tops
+    if (np.abs(np.sin(phase)) > np.sin(_NEAR)).any() or (lags * lags[0] <= 0).any():  # one way
+        return None
+    sign = np.cumprod(np.append(1.0, np.sign(np.cos(phase))))
+    sign = sign if sign.sum() >= 0 else -sign
+    return sign if (sign < 0).any() else None
+
+
+def packets(component: Float) -> tuple[Float, Float] | None:
+    """By how many frames the packet of each receiver and the one before is late, and its phase at
+    the top, shape (nx − 1,); None where packets are long, or of unlike receivers."""
     frames = next_fast_len(2 * len(component), real=True)
     power = np.sum(component**2, axis=0)
     U = rfft(component, frames, axis=0)
     if not power.all() or not _broad(np.abs(U[:, 1:] * U[:, :-1]) ** 2):
         return None
-    signs, lags = [1.0], []
+    lags, phases = [], []
     for before, after, size in zip(U.T[:-1], U.T[1:], power[1:] * power[:-1], strict=True):
         packet = 2 * ifft(np.conj(before) * after, frames)
         at = int(np.abs(packet).argmax())
         low, top, high = packet[[at - 1, at, (at + 1) % frames]]
+        if abs(top) < _ALIKE * np.sqrt(size):
+            return None
         bend = abs(low) - 2 * abs(top) + abs(high)
         late = (abs(low) - abs(high)) / 2 / bend if bend else 0.0
-        phase = float(np.angle(top) + late * np.angle(high / top))
-        signs.append(float(np.sign(np.cos(phase))))
+        phases.append(float(np.angle(top) + late * np.angle(high / top)))
         lags.append(at + late - frames * (2 * at > frames))
-        if abs(top) < _ALIKE * np.sqrt(size) or abs(np.sin(phase)) > np.sin(_NEAR):
-            return None
-        if lags[0] * lags[-1] <= 0:  # one way
-            return None
-    sign = np.cumprod(signs)
-    sign = sign if sign.sum() >= 0 else -sign
-    return sign if (sign < 0).any() else None
+    return np.array(lags), np.array(phases)
 
 
 def _broad(power: Float) -> bool:
