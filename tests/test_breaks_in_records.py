@@ -293,3 +293,28 @@ def test_noise_of_a_dead_channel_makes_no_clock_jitter():
         found = record(u, 1e-6 * np.arange(1200), x)
         assert x[dead] not in found.x
         assert len(found.x) == 7
+
+
+def test_frames_that_a_restart_wrote_again_are_there_once():
+    """A program that goes on from its last stored state writes again what came after it."""
+    u = line()
+    again = np.r_[:120, 90:400, 380:1000]
+    found = record(u[again], T[again], X)
+    (one,) = found.findings
+    assert (one.what, one.size) == ("frames twice", "50 frames")
+    np.testing.assert_array_equal(found.values[0], u)
+    other = u[again] + np.where(np.arange(len(again)) < 120, 1e-3, 0)[:, None]
+    with pytest.raises(RecordError, match="times must ascend"):
+        record(other, T[again], X)
+
+
+@pytest.mark.parametrize("which", [slice(8, 16), slice(0, 16, 3)])
+def test_channels_of_a_slower_clock_filled_in_are_left_out(which):
+    """Each sample held until the next is late by half the slower interval, and no flat top."""
+    u = line()
+    u[:, which] = np.repeat(u[::4, which], 4, axis=0)
+    found = record(u, T, X)
+    (one,) = found.findings
+    assert (one.what, one.size) == ("samples held", "4 times")
+    np.testing.assert_array_equal(found.x, np.delete(X, which))
+    held(in_time(found, method="auto"))

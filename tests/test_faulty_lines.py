@@ -8,11 +8,13 @@ from test_waves_along_line import passing
 
 from wavesim.material.medium import Medium
 from wavesim.planewave.dispersion_relation import wavenumber
+from wavesim.readings.dispersion.direction_of_travel import GROWS
 from wavesim.readings.dispersion.folding import folded_branches, through_zero
-from wavesim.readings.dispersion.frequency_at_wavenumber import in_time
+from wavesim.readings.dispersion.frequency_at_wavenumber import chosen_method, in_time
 from wavesim.readings.dispersion.line_fit import deviation, fit_line
 from wavesim.readings.dispersion.spreading import exponent, spreads
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency
 from wavesim.records.record import RecordError, record
 
 T = np.arange(1000) * 5e-7
@@ -445,3 +447,52 @@ def test_a_channel_is_late_where_that_is_all_that_is_off(fault, said):
     (found,) = record(u, T, 0.02 + 0.02 * np.arange(12)).findings
     assert found.what == said
     assert "x = 0.12 m" in found.where
+
+
+@pytest.mark.parametrize("backward", [False, True])
+def test_a_record_that_runs_backward_has_no_loss(backward):
+    """Q = 10. In a medium Im k(ω + iσ) ≥ σ dRe k/dω; of frames turned round waves fade at ω + iσ
+    still, by σ/c less what is lost, and at real frequencies they grow."""
+    k = lambda w: w / SPEED * (1 + 0.05j)  # noqa: E731
+    x, t = 0.02 + 0.01 * np.arange(12), T[:400]
+    u = passing(x, [(k, lambda x: 1 + 0 * x)], 5e4, t)
+    u += 1e-4 * np.random.default_rng(1).normal(size=u.shape)
+    omega = 2 * np.pi * np.linspace(3e4, 8e4, 30)
+    points = in_space(record(u[::-1] if backward else u, t, x), omega)
+    assert points.valid.sum() == (0 if backward else 30)
+    assert np.mean(points.reason == GROWS) > 0.5 or not backward
+
+
+def test_signals_muted_into_the_wave_are_no_waves(rng):
+    """Muted before a line through the wave's first crests, a pulse leaves other frequencies' power
+    at each; well before it, nothing."""
+    x = 0.05 + 0.005 * np.arange(20)
+    u = passing(x, [(plain, lambda x: 1 + 0 * x)], 5e4, T)
+    u += 1e-3 * rng.normal(size=u.shape)
+    arrive = x / SPEED + 1e-5
+    omega = 2 * np.pi * np.linspace(3e4, 8e4, 20)
+    for into, told in ((-2e-5, 0), (1.5e-5, 20)):
+        cut = arrive + into * (1 if into < 0 else np.linspace(0.5, 1.5, 20))
+        seen = record(u * np.clip((T[:, None] - cut) / 6e-6, 0, 1), T, x)
+        assert seen.begun.sum() == told
+        assert [finding.what for finding in seen.findings] == ["muted"] * (told > 0)
+        own = in_time(seen, method="auto")
+        own = own.take(own.valid)
+        assert len(own) > 20 or told
+        assert np.sum(np.abs(own.omega - SPEED * own.k) <= own.bar) >= 0.9 * len(own)
+        if told:
+            with pytest.raises(RecordError, match="muted into the wave at all 20 receivers"):
+                for_k_at_frequency(seen)
+        else:
+            points = in_space(for_k_at_frequency(seen), omega)
+            off = np.abs(points.k - points.omega / SPEED)[points.valid]
+            assert np.mean(off <= points.bar[points.valid]) >= 0.9
+
+
+def test_an_undersampled_pulse_along_a_line_is_driven_by_no_source_within(rng):
+    """All noise beyond a sixth of the sampling frequency is signal, folded: what moves at the ends
+    of the line enters there, and harmonic inversion refuses that."""
+    x = 0.05 + 0.03 * np.arange(12)
+    u = passing(x, [(plain, lambda x: 1 + 0 * x)], 5e4, T)[::30]
+    seen = record(u + 1e-3 * rng.normal(size=u.shape), T[::30], x)
+    assert chosen_method(for_frequency_at_k(seen)) == "fft"

@@ -309,3 +309,26 @@ def test_a_ring_of_two_receivers_is_refused_for_its_wavenumbers(rng):
     u = np.sin(2e5 * t[:, None] + np.array([0.0, 1.0])) + 1e-3 * rng.normal(size=(400, 2))
     with pytest.raises(RecordError, match="wavenumbers apart"):
         in_time(for_frequency_at_k(record(u, t, np.array([0.0, 1e-2]), ring=True)))
+
+
+@pytest.mark.parametrize("interval", [0.5, 0.8, 1.25])
+def test_an_interval_that_changes_within_a_ring_s_record_makes_no_waves(interval):
+    """Times that go on evenly put waves at ω dt′/dt in a second half taken dt′ apart: no wave
+    appears round a ring in which no source acts."""
+    rng = np.random.default_rng(3)
+    x, k = np.arange(32) * 1e-3, 2 * np.pi * np.arange(1, 14) / 0.032
+    steps = np.where(np.arange(600) < 300, 1.0, interval) * 4e-7
+    true = np.append(0, np.cumsum(steps)[:-1])
+    for taken in (4e-7 * np.arange(600), true):
+        u = np.zeros((600, 32))
+        for sign in (1, -1):
+            wave = np.exp(1j * (sign * np.outer(k, x) + rng.uniform(0, 2 * np.pi, 13)[:, None]))
+            u += (np.exp((-1e3 - 2000j * k) * taken[:, None]) @ wave).real
+        u += 1e-3 * np.abs(u).max() * rng.normal(size=u.shape)
+        ring = record(u, 4e-7 * np.arange(600), x, ring=True)
+        if taken is not true:
+            own = in_time(for_frequency_at_k(ring))
+            assert own.valid.sum() >= 12
+            continue
+        with pytest.raises(RecordError, match="the interval between frames changes"):
+            for_frequency_at_k(ring)

@@ -253,7 +253,8 @@ def test_options_say_what_a_file_does_not(tmp_path):
     (tmp_path / "d.csv").write_text(HEAD.replace("t_s", "Date") + "\n".join(dated) + "\n")
     found = read(tmp_path / "d.csv", Layout(time_unit="us"))
     assert found.interval == pytest.approx(1.0, rel=1e-12)
-    for said in ("Sample Interval,0.5,us", "#CLOCK=0.5uS", "Sampling Rate,2,MHz", "fs = 2 MHz"):
+    for said in ("Sample Interval,0.5,us", "#CLOCK=0.5uS", "Sampling Rate,2,MHz", "fs = 2 MHz",
+                 "Record Rate(fps),2000000", "# Frame rate: 2000000 fps"):  # fmt: skip
         values = "".join(line.split(",", 1)[1] + "\n" for line in rows().splitlines())
         (tmp_path / "e.csv").write_text(f"{said}\n{','.join(PLACES)}\n{values}")
         same(read(tmp_path / "e.csv"))

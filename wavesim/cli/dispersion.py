@@ -106,13 +106,13 @@ def _recovered(
 ) -> list[Any]:
     """Waves of a record, or of each sector of a run; while one is read the last one is drawn."""
     from wavesim.planewave.dispersion_relation import NotHyperbolicError
+    from wavesim.records.faults.finding import left_out
     from wavesim.records.files import own_result
     from wavesim.records.of_medium import of_files, sectors
     from wavesim.records.record import RecordError
     from wavesim.report.progress import working
 
-    files = given["files"]
-    draw = Here().ask
+    files, draw = given["files"], Here().ask
     if len(files) == 1 and (path := own_result(files[0])):
         if drawn:
             # By the process itself, one after the other: what it drew helps it with the next.
@@ -131,7 +131,7 @@ def _recovered(
             try:
                 found = work([origin], **asked)
             except (RecordError, NotHyperbolicError) as error:
-                stop(f"{file}: {error}", BAD_INPUT)
+                stop("; ".join([f"{file}: {error}", *left_out(origin.record.findings)]), BAD_INPUT)
             if drawn:
                 drawings.append(draw(f"{_DRAWING}.write", found, drawn))
             results += [one.without_values() for one in found]

@@ -26,7 +26,8 @@ INTERVALS = ("dt", "interval", "delta", "samplinginterval", "sampleinterval", "s
              "sampleperiod", "timeinterval", "tstep", "timestep", "ts", "xinc", "xincrement",
              "deltax", "tinterval", "tinc", "hresolution", "wfincrement")  # fmt: skip
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sr",
-         "outputdatarate", "fps", "framerate", "framespersecond", "prf", "pulserate")  # fmt: skip
+         "outputdatarate", "fps", "framerate", "recordrate", "framespersecond", "prf",
+         "pulserate")  # fmt: skip
 STARTS = ("tstart", "tzero", "starttime", "toffset", "timeoffset", "xorigin", "xorg", "hoffset")
 _FREQUENCIES = ("f", "freq", "freqs", "frequency", "frequencies", "freqvec", "omega")
 _SPACINGS = ("dx", "spacing", "receiverspacing", "channelspacing", "spatialinterval",

@@ -9,8 +9,9 @@ import numpy as np
 from wavesim.records.content import RecordError
 from wavesim.records.faults.clipping import NORMALISED
 from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
+from wavesim.records.faults.moveout import BEGINS
 from wavesim.records.faults.ring_misfits import gains
-from wavesim.records.faults.ring_waves import missing_between_ends
+from wavesim.records.faults.ring_waves import missing_between_ends, waves_appear
 from wavesim.records.faults.unfit_receivers import PART
 from wavesim.records.record import FEWEST_FRAMES, Record
 
@@ -46,11 +47,12 @@ def for_k_at_frequency(record: Record) -> Record:
             f"{record.source_seen:.3g}"
         )
     if len(record.begun) and record.begun.any() and not record.ring:
-        record = _without(
-            record, record.begun, "begins inside",
-            "the record begins inside the signal",
-            "begin it before the source does (a pre-trigger), or give receivers farther away",
+        muted = any(finding.what == "muted" for finding in record.findings)
+        what = "muted" if muted else "begins inside"
+        remedy = "give them as they were recorded" if muted else (
+            "begin it before the source does (a pre-trigger), or give receivers farther away"
         )  # fmt: skip
+        record = _without(record, record.begun, what, BEGINS[what], remedy)
     return unclipped(record)
 
 
@@ -114,6 +116,7 @@ def for_frequency_at_k(record: Record, harmonic: bool = True) -> Record:
         )
     if record.ring and record.leak is None:  # else its receivers are known
         _check_whole(record)
+        _check_goes_on(record)
     return evened(record)
 
 
@@ -128,6 +131,19 @@ def _check_whole(ring: Record) -> None:
         f"ring: the waves close round it with {gone} more receiver{'s' * (gone > 1)} between the "
         "last and the first, and not without: give those missing, or leave out --ring"
     )
+
+
+def _check_goes_on(ring: Record) -> None:
+    """Raise :class:`RecordError` where waves appear within a record of a ring."""
+    u = ring.values[:, ring.t >= ring.quiet_from]
+    strongest = u[int(np.argmax(np.abs(np.nan_to_num(u)).max(axis=(1, 2), initial=0.0)))]
+    if np.isfinite(strongest).all() and not ring.missing.any() and waves_appear(strongest):
+        raise RecordError(
+            "most of what moves round the ring at the end moves at frequencies that are not there "
+            "at the beginning: the interval between frames changes within the record, or a source "
+            "acts in it; take a part without that, or name the time from which on no source acts "
+            "with --quiet-from (s)"
+        )
 
 
 def unclipped(record: Record, fewest: int = 2) -> Record:
@@ -245,9 +261,11 @@ def _filled(record: Record) -> Record:
 
 
 def _entered(record: Record) -> bool:
-    """Whether waves are seen at the ends of a stretch."""
-    ends = float(np.sqrt(np.mean(record.values[..., [0, -1]] ** 2)))
-    return ends > 2 * record.noise + 3e-3 * float(np.abs(record.values).max())
+    """Whether waves are seen at the ends of a stretch that is at rest at first."""
+    ends = record.values[..., [0, -1]] ** 2
+    # Signals up to the Nyquist frequency look like noise, but not before they come.
+    noise = min(record.noise, float(np.sqrt(np.mean(ends[:, :_BEGINNING]))))
+    return float(np.sqrt(np.mean(ends))) > 2 * noise + 3e-3 * float(np.abs(record.values).max())
 
 
 def _without(

@@ -37,7 +37,7 @@ _OTHER = frozenset(_OTHER_WORDS.split())
 FREQUENCY = {
     f"{p}{s}": f
     for p, f in {"": 1.0, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}.items()
-    for s in ("Hz", "S/s", "Sa/s", "SPS")
+    for s in ("Hz", "S/s", "Sa/s", "SPS", "fps")
 } | {"hz": 1.0, "hertz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "1/s": 1.0, "s-1": 1.0,
      "sps": 1.0, "samples/s": 1.0, "samples per second": 1.0, "1/ms": 1e3, "1/us": 1e6}  # fmt: skip
 _TABLES = {"time": TIME, "position": LENGTH, "frequency": FREQUENCY}

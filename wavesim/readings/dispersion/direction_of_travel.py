@@ -12,9 +12,12 @@ from wavesim.readings.dispersion.points import BranchPoints
 Float = NDArray[Any]
 
 GROWS = (
-    "amplitudes grow the way that the waves go, by when they come: receivers differ in gain; make "
-    "those equal, or add receivers"
+    "amplitudes grow the way that the waves go, as of no one wave in a medium: receivers differ in "
+    "gain, several waves pass, or the times run backward; make gains equal, add receivers, or give "
+    "--interval where only the times count down"
 )
+# A wave grows where its loss is below 0 by so many 95 % bars.
+_SURELY_GROWS = 1.5
 # Arrivals tell a direction by so many errors.
 _SURELY = 4.0
 # Where its envelope is this high it goes about as fast as its top, by this part.
@@ -82,4 +85,34 @@ def against_travel(points: BranchPoints, late: float, models: Any) -> tuple[Any,
     along = points.k.real * (fades * goes if goes else points.k.imag > points.bar)
     folded = alone & (along < -points.bar)
     grows = alone & points.valid & bool(goes) & (fades != goes) & (points.k.imag > points.bar)
-    return folded, grows & (2 * grows.sum() > points.valid.sum())
+    grows &= 2 * grows.sum() > points.valid.sum()
+    return folded, grows | _grows_at_real_frequencies(points)
+
+
+def _grows_at_real_frequencies(points: BranchPoints) -> NDArray[np.bool_]:
+    """Points of waves that grow as they go, which all the same fade at the complex ω + iσ.
+
+    In a medium without sources Im k ≥ 0 wherever Im ω ≥ 0, and so, by Poisson's integral of Im k
+    over real frequencies,
+
+        Im k(ω + iσ) ≥ σ dRe k/dω,
+
+    equal where nothing is lost: what is left over is the loss. Of a record that runs backward, or
+    of gains that grow along the line, it is below 0.
+
+    Args:
+        points: valid or not, with their branches.
+    """
+    grows = np.zeros(len(points), bool)
+    for b in np.unique(points.branch[points.valid & (points.branch >= 0)]):
+        own = np.flatnonzero(points.valid & (points.branch == b))
+        own = own[np.argsort(points.omega.real[own])]
+        k = np.where(points.k.imag[own] < 0, -1, 1) * points.k[own]
+        omega, sigma = points.omega.real[own], points.omega.imag[own]
+        if np.ptp(omega) < 2 * sigma.max():
+            continue
+        # Over ±σ a slope is known about as well as k/σ.
+        ends = np.clip([omega - sigma, omega + sigma], omega[0], omega[-1])
+        slope = np.diff(np.interp(ends, omega, k.real), axis=0)[0] / np.diff(ends, axis=0)[0]
+        grows[own] = k.imag - sigma * slope < -_SURELY_GROWS * points.bar[own]
+    return grows & (2 * grows.sum() > points.valid.sum())

@@ -15,6 +15,8 @@ import scipy  # its parts are loaded where they are used: they take a while
 from numpy.typing import NDArray
 
 from wavesim.readings.dispersion.noise_level import noise_of_transform
+from wavesim.records.faults.moveout import muted_until
+from wavesim.records.faults.quiet import fine_noise
 from wavesim.records.windows import hann
 
 Float = NDArray[Any]
@@ -72,6 +74,7 @@ def spectra(values: Float, interval: float, quantum: Float | float = 0.0) -> Spe
     let_down[-fall:] = 0.5 * (1 + np.cos(np.pi * np.arange(fall) / fall))
     omega = 2 * np.pi * np.fft.rfftfreq(count, interval)[1:]
     noise = noise_of_transform(values, interval, omega, quantum) / np.sqrt(count)
+    muted = _after_mute(values, np.broadcast_to(quantum, values.shape[1]))
     best, most = None, 0.0
     for window in (let_down, hann(count)):
         change = np.diff(window, prepend=0.0)
@@ -79,7 +82,9 @@ def spectra(values: Float, interval: float, quantum: Float | float = 0.0) -> Spe
         U, V = (_transform(values * h[:, None], interval) for h in (window, change))
         of_U, of_V = (noise * np.sqrt(np.sum(h**2)) for h in (window, change))
         excess = np.maximum(np.abs(V) ** 2 - (_SURELY * of_V) ** 2, 0)
-        unsure = np.sqrt(excess) / np.maximum(np.abs(U), 1e-290) / interval
+        unsure = (
+            np.hypot(np.sqrt(excess), muted * interval) / np.maximum(np.abs(U), 1e-290) / interval
+        )
         weight = _weights(U, of_U)
         weight[np.abs(U).max(axis=1) < _FAINT * np.abs(U).max()] = 0.0
         power = np.abs(U) ** 2 * (weight > 0)
@@ -88,6 +93,21 @@ def spectra(values: Float, interval: float, quantum: Float | float = 0.0) -> Spe
             best, most = Spectra(omega, U, of_U, weight, unsure), share
     assert best is not None
     return best
+
+
+def _after_mute(values: Float, quantum: Float) -> Float:
+    """Largest |u| above the noise in the first quarter of a period behind a mute, shape (nx,); 0 at
+    receivers without one."""
+    size = np.zeros(values.shape[1])
+    for j in np.flatnonzero(first := muted_until(values, quantum)):
+        v = values[first[j] :, j]
+        # A quarter of the period of the mean ω by power.
+        quarter = int(
+            np.pi / 2 * np.sqrt(np.sum(v**2) / max(float(np.sum(np.diff(v) ** 2)), 1e-290))
+        )
+        size[j] = np.abs(v[: quarter + 1]).max()
+    noise = np.median([fine_noise(v) for v in values.T])
+    return np.sqrt(np.maximum(size**2 - (_SURELY * noise) ** 2, 0))
 
 
 def _transform(values: Float, interval: float) -> Complex:

@@ -42,7 +42,7 @@ ANY = (
     "the receivers heard fit another wavenumber as well: drive more of it, listen nearer, or space "
     "receivers closer"
 )
-MORE = "unexplained power: more waves than sought, or uneven noise"
+MORE = "unexplained power: more waves than sought, receivers unlike each other, or uneven noise"
 QUIET = "no wave stands above the noise: drive more of it, or listen nearer"
 # Of two wavenumbers one is told by so many times the noise's power less that it leaves over.
 _RIVAL = 20.0

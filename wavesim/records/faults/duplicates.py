@@ -89,22 +89,38 @@ def _alike(a: Float, b: Float) -> bool:
     return bool(np.nanmax(np.abs(a - b)) <= 1e-6 * np.nanmax(np.abs(a)))
 
 
-# No more than this part of the frames may be there twice.
-_FRAMES_TWICE = 0.01
+# No more than this part of the frames may be there twice, or, where times fall back, of them all;
+# programs that go on write them again to this part of the largest.
+_FRAMES_TWICE, _WRITTEN_AGAIN, _ALIKE_AGAIN = 0.01, 0.75, 1e-6
 
 
 def without_frames_twice(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Float]:
     """One of each of a few frames that are there twice, time and samples.
+
+    A program that goes on from where it last stored its state writes again what came after: times
+    fall back, and frames that were there come once more.
 
     Args:
         values: shape (C, nt, nx), NaN where a sample is missing.
         t: shape (nt,), s.
         found: findings, added to.
     """
-    twice = np.r_[False, np.diff(t) == 0]
-    twice[1:] &= ((values[:, 1:] == values[:, :-1]) | np.isnan(values[:, 1:])).all(axis=(0, 2))
-    if not 0 < twice.sum() <= _FRAMES_TWICE * len(t):
-        return values, t
+    falls = np.flatnonzero(np.diff(t) < 0)
+    # Times that begin anew are of another record.
+    given, again = (values, t), len(falls) > 0 and bool(t[falls + 1].min() > t[0])
+    if again:
+        order = np.argsort(t, kind="stable")
+        values, t = values[:, order], t[order]
+    twice, alike = np.r_[False, np.diff(t) == 0], np.ones(len(t), bool)
+    near = _ALIKE_AGAIN * float(np.nanmax(np.abs(values))) if again else 0.0
+    apart = np.abs(values[:, 1:] - values[:, :-1])
+    alike[1:] = ((apart <= near) | np.isnan(values[:, 1:])).all(axis=(0, 2))
+    part, whole = _FRAMES_TWICE, True
+    if again:
+        part, whole = _WRITTEN_AGAIN, bool(alike[twice].all())
+    twice &= alike
+    if not whole or not 0 < twice.sum() <= part * len(t):
+        return given
     said = f"{int(twice.sum())} frames there twice, time and samples: one of each taken"
     found.append(
         Finding("frames twice", "all receivers", f"{int(twice.sum())} frames", CURED, said)

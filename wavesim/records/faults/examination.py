@@ -16,15 +16,17 @@ from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.filled_in import without_filled_in
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, Finding, places
-from wavesim.records.faults.frame_times import check_clock, check_goes_on, once_each
+from wavesim.records.faults.frame_times import check_clock, check_goes_on, held_alone, once_each
 from wavesim.records.faults.hum import without_early_hum
 from wavesim.records.faults.interleaved import one_converter
 from wavesim.records.faults.late_in_turn import check_none_late_in_turn
 from wavesim.records.faults.lines import without_lines
 from wavesim.records.faults.moveout import (
+    BEGINS,
     arrivals,
     begun,
     comes_round,
+    muted_until,
     of_no_wave,
     source_within,
     speed,
@@ -57,11 +59,13 @@ def samples(
         step, whether they have flat tops, and whether they hold another's samples, or the times.
     """
     values, t, held = once_each(values, t, found)
+    slower = held_alone(values, x, labels, found) if not ring else np.zeros(len(x), bool)
     values = without_fill(unwrapped(values, found), t, x, labels, found)
     quantum = quantisation.quanta(values)
     # A gap is as broad in frequency as noise.
     whole = bool(np.isfinite(values).all())
     flat, part = clipped(values, quantum, whole and _noisy(values, _NOISY))
+    flat &= ~slower
     if flat.any():
         where = places(x, flat, labels)
         found.append(Finding("clipped", where, f"up to {100 * part.max():.2g} % of samples", TOLD,
@@ -81,7 +85,7 @@ def samples(
         where = places(x, hands, labels)
         found.append(Finding("clock", where, f"{int(hands.sum())} channels", TAKEN_OUT,
                              f"clocks, not receivers: left out ({where})"))  # fmt: skip
-    spare = hands | duplicates(values, x, _noisy(values), found, labels)
+    spare = hands | slower | duplicates(values, x, _noisy(values), found, labels)
     return values, t, held, quantum, flat, spare
 
 
@@ -193,7 +197,8 @@ def together(
         )  # fmt: skip
     if not ring:
         tell_undersampled(values[strongest], own.noise, found)
-    within = begun(values[strongest], own)
+    muted = muted_until(values[strongest], quantum) if not ring else np.zeros(nx, int)
+    within = begun(values[strongest], own, muted)
     place = None
     if line and nx > 2:
         place = source_within(x, times[0])
@@ -207,12 +212,10 @@ def together(
                     "ring: if they are, say so with --ring, for nothing else is read right then")
         )  # fmt: skip
     if within.any() and not ring:
-        found.append(
-            Finding("begins inside", places(x, within, labels),
-                    f"{int(within.sum())} of {nx} receivers", TOLD,
-                    "the record begins inside the signal at "
-                    f"{int(within.sum())} of {nx} receivers ({places(x, within, labels)})")
-        )  # fmt: skip
+        what = "muted" if muted[within].any() else "begins inside"
+        said = f"{int(within.sum())} of {nx} receivers"
+        where = places(x, within, labels)
+        found.append(Finding(what, where, said, TOLD, f"{BEGINS[what]} at {said} ({where})"))
     return mended, odd, within, place
 
 

@@ -37,6 +37,11 @@ class Finding:
         return asdict(self)
 
 
+def left_out(findings: Iterable[Finding]) -> list[str]:
+    """What was taken out of a record, in a sentence each."""
+    return [finding.said for finding in findings if finding.done == TAKEN_OUT]
+
+
 def places(
     x: NDArray[Any], which: Iterable[Any], labels: tuple[str, ...] = (), most: int = 6
 ) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.records.content import RecordError
 from wavesim.records.evenness import even
-from wavesim.records.faults.finding import CURED, Finding
+from wavesim.records.faults.finding import CURED, TAKEN_OUT, Finding, places
 
 Float = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -54,19 +54,16 @@ def once_each(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
     lively = ~same
     if same.sum() < _AGAIN or lively.sum() < 16:
         return values, t, 1
-    first = int(np.argmax(lively)) + 1
     changes = np.flatnonzero(lively) + 1
     gaps = np.diff(changes)
-    for held in range(2, _MOST_HELD + 1):
-        # Where all is quiet to the last digit frames are equal by right, too.
-        if np.mean(gaps % held == 0) > 0.98 and np.mean(gaps == held) > 0.5:
-            start = first % held
-            found.append(
-                Finding("samples repeated", "all receivers", f"{held} times each", CURED,
-                        f"each sample is there {held} times: one of each taken, so that frames are "
-                        f"{held} times as far apart")
-            )  # fmt: skip
-            return values[:, start::held], t[start::held], held
+    if held := _held(gaps):
+        start = int(changes[0]) % held
+        found.append(
+            Finding("samples repeated", "all receivers", f"{held} times each", CURED,
+                    f"each sample is there {held} times: one of each taken, so that frames are "
+                    f"{held} times as far apart")
+        )  # fmt: skip
+        return values[:, start::held], t[start::held], held
     # Frames at rest before and after are equal by right, and so are a few at a quantised crest.
     if np.sum(gaps - 1) < _AGAIN:
         return values, t, 1
@@ -79,6 +76,39 @@ def once_each(values: Float, t: Float, found: list[Finding]) -> tuple[Float, Flo
                 f"from a clock {slower.step:.6g} times slower by the nearest: one of each taken")
     )  # fmt: skip
     return values[:, changes], t[changes], slower.step
+
+
+def _held(gaps: NDArray[np.int64]) -> int:
+    """For how many frames samples are held that change after so many each; 0 where they are not."""
+    for held in range(2, _MOST_HELD + 1):
+        # Where all is quiet to the last digit frames are equal by right, too.
+        if len(gaps) and np.mean(gaps % held == 0) > 0.98 and np.mean(gaps == held) > 0.5:
+            return held
+    return 0
+
+
+def held_alone(values: Float, x: Float, labels: tuple[str, ...], found: list[Finding]) -> Mask:
+    """Receivers whose samples are held for several frames each, where others' are not, shape (nx,):
+    those of a slower clock, filled in on a faster one, by the last sample or by another.
+
+    Args:
+        values: shape (C, nt, nx), NaN where a sample is missing.
+        x, labels: positions and names of the receivers.
+        found: findings, added to.
+    """
+    lively = (values[:, 1:] != values[:, :-1]).any(axis=0)
+    held = np.array([_held(np.diff(np.flatnonzero(one))) if one.sum() >= 16 else 0
+                     for one in lively.T])  # fmt: skip
+    out = np.asarray(held > 0)
+    if not out.any() or out.all():
+        return np.zeros(len(x), bool)
+    where, size = places(x, out, labels), f"{held.max()} times"
+    found.append(
+        Finding("samples held", where, size, TAKEN_OUT,
+                f"each sample is there up to {size}, as of a slower clock than the others': left "
+                f"out ({where})")
+    )  # fmt: skip
+    return out
 
 
 def check_goes_on(u: Float, t: Float) -> None:

@@ -18,9 +18,16 @@ Mask = NDArray[np.bool_]
 _ABOVE, _PART = 4.0, 2e-3
 _WITHOUT_REST = 0.4
 _FIRST = 3
+# So many frames that are exactly still are no chance, beside noise of this part of the peak, of
+# which this part at least is white.
+_MUTED, _NO_NOISE, _WHITE = 8, 1e-6, 0.3
 _BLOCKS = 8
 _STEADY, _HISS, _LOUDER = 3.0, 2.0, 8.0
 _ARRIVED = 0.2
+BEGINS = {
+    "begins inside": "the record begins inside the signal",
+    "muted": "signals are muted into the wave",
+}
 # No wave is slower, m/s, or faster but light, from the slowest of it to its phase in waveguides.
 SLOWEST, FASTEST, _LIGHT = 0.1, 2e4, (1e7, 1e9)
 # A source is within where two arms leave less than this part of what one line leaves (squares).
@@ -42,13 +49,35 @@ SIDE, _JUMPS, _LEAST, _SURE, _OF_NOISE, _FINE, _EACH, _PLACES = 3, 0.1, 2e-3, 0.
 _BETWEEN = 8
 
 
-def begun(component: Float, rest: Rest) -> Mask:
-    """Receivers at which the signal is there already when the record begins, shape (nx,)."""
+def muted_until(component: Float, quantum: Float) -> NDArray[np.int64]:
+    """The first frame of each receiver that is not exactly still beside noise behind, as where all
+    before the wave was set to 0, shape (nx,); 0 where it is not still, or nothing tells noise.
+
+    Args:
+        component: u, shape (nt, nx), finite.
+        quantum: least step of each, shape (nx,).
+    """
+    moves = component != component[0]
+    first = np.where(moves.any(axis=0), moves.argmax(axis=0), 0)
+    for j in np.flatnonzero(first >= _MUTED):
+        v = component[first[j] :, j]
+        still = min(np.array_split(v, _BLOCKS), key=np.std)
+        # A signal that rises from nothing beside none has kinks, but no noise when it has passed.
+        noise = float(np.std(still)) if fine_noise(still) > _WHITE * np.std(still) else 0.0
+        if noise <= max(quantum[j], _NO_NOISE * float(np.abs(v).max())):
+            first[j] = 0
+    return np.where(first >= _MUTED, first, 0)
+
+
+def begun(component: Float, rest: Rest, muted: NDArray[np.int64] | None = None) -> Mask:
+    """Receivers at which the signal is there already when the record begins, or from the first
+    frame on that is not muted, shape (nx,)."""
     nx = component.shape[1]
+    muted = np.zeros(nx, int) if muted is None else muted
     within = np.zeros(nx, bool)
     steady = np.zeros(nx, bool)
     for j in range(nx):
-        v = component[:, j]
+        v = component[muted[j] :, j]
         blocks = np.array([np.sqrt(np.mean(b**2)) for b in np.array_split(v, _BLOCKS)])
         steady[j] = blocks.max() < _STEADY * max(blocks.min(), 1e-300)
         noise = fine_noise(v)

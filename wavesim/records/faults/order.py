@@ -27,6 +27,8 @@ _FEWEST = 4
 # this part of what they do in the order of positions: in records in order waves leave many times
 # more, or times do. There the times must leave so many squares of what passes between neighbours.
 _SEEN, _LESS, _STEP = 0.8, 0.5, 0.25
+# … and this part of those that move come nearer to the line.
+_NEARER = 0.8
 # A source is looked for at so many places for each receiver, and at so many; so many are listed.
 _PLACES, _MOST_PLACES, _LISTED = 8, 512, 8
 
@@ -82,7 +84,22 @@ def _order_of_travel(times: Float, x: Float) -> NDArray[np.int64]:
     given, apart = _from_a_source(times, x), _STEP * step**2
     # A late side comes evenly between the others by chance alone.
     given = given if float(left[0]) < apart else min(given, _with_a_late_side(times, x))
-    return order if max(float(left[0]) / _LESS, apart) < given else along
+    if max(float(left[0]) / _LESS, apart) >= given:
+        return along
+    # One that is late or early by itself leaves the others in line, the same way.
+    rest = [np.delete(np.stack([times, x]), j, axis=1) for j in range(len(x))]
+    others = [_left(one[0], one[1][None]) for one in rest]
+    one_off = min(
+        (float(off[0]) for off, slow in others if slow[0] * slowness[0] > 0), default=given
+    )
+    if one_off < float(left[0]):
+        return along
+    # Where some are late or early by themselves, others make room for them.
+    line = float(slowness[0]) * (x - x.mean())
+    middle = float(np.median(times[order] - line))
+    now, before = np.abs(times[order] - middle - line), np.abs(times - middle - line)[order]
+    moved = order != np.arange(len(x))
+    return order if np.mean(now[moved] < before[moved]) > _NEARER else along
 
 
 def _from_a_source(times: Float, x: Float) -> float:

@@ -186,6 +186,6 @@ def _before_foot(values: Float, cut: int) -> int:
     size = (values[:cut] - values[: cut // 2].mean(axis=0)) ** 2
     size = size.mean(axis=1) / max(float(size[: cut // 2].mean()), 1e-290)
     chance = _LOUDER * np.sqrt(2 / (part * values.shape[1]))
-    while low >= cut // 4 and size[low - part : low].mean() > 1 + chance:
+    while low >= max(cut // 4, part) and size[low - part : low].mean() > 1 + chance:
         low -= part
     return low if low == cut else max(0, low - part)

@@ -25,6 +25,10 @@ _NEIGHBOURS, _CLIP = 3, 3.0
 # this part of the rest (0.26 or less where one is, and 2.5 or more where none is, were seen of
 # twelve or more).
 _MOST_MISSING, _FAR_LESS, _FEWEST_ROUND = 3, 0.3, 12
+# Of a record's quarters, each of so many frames at least, peaks of the last, this many times above
+# their spectrum's median, are so many times as high as the same bins of the first, and so many on
+# either side, and hold this part of its power: beats and random lines alone do not.
+_FEWEST_FRAMES, _PEAK, _GROWN, _BESIDE, _MOSTLY = 32, 30.0, 8.0, 2, 0.5
 # So many frequencies must tell something.
 FEWEST_FREQUENCIES = 4
 
@@ -112,6 +116,29 @@ def missing_between_ends(component: Float, odd: Mask) -> int:
         parts.append(float(np.median(before / after)))
     found = int(np.argmin(parts))
     return found if parts[found] < _FAR_LESS else 0
+
+
+def waves_appear(component: Float) -> bool:
+    """Whether most waves of the last quarter were not there in the first, where no source acts.
+
+    A wave round a ring goes on as e^{−iωt}, or decays, at each wavenumber.
+
+    Args:
+        component: u, shape (nt, nx), finite, while no source acts.
+    """
+    nt, nx = component.shape
+    quarter = nt // 4
+    if quarter < _FEWEST_FRAMES or nx < 3:
+        return False
+    hat = rfft(component, axis=1)[:, 1 : (nx + 1) // 2]
+    window = blackman_harris(quarter)[:, None]
+    first, last = (
+        np.abs(fft(part * window, axis=0)) ** 2 for part in (hat[:quarter], hat[-quarter:])
+    )
+    beside = np.sum([np.roll(first, m, axis=0) for m in range(-_BESIDE, _BESIDE + 1)], axis=0)
+    top = last.argmax(axis=0), np.arange(last.shape[1])
+    power = last[top] * (last[top] > _PEAK * np.median(last, axis=0))
+    return bool(power[last[top] > _GROWN * beside[top]].sum() > _MOSTLY * last.max(axis=0).sum())
 
 
 def _clipped(U: Any) -> Any:
