@@ -465,3 +465,14 @@ def test_a_receiver_on_the_sources_other_side_is_named():
     best = read_either_way("about", T, *named(u, x)).best
     assert not best.valid
     assert "with r0 the receivers hear no one wave, without it one of 3000 ±" in best.reason
+
+
+def test_waves_that_leave_a_long_tail_are_no_crosstalk():
+    """A step that decays over the record: its median lies above where all rest before it."""
+    late = T[:, None] - X / C
+    u = np.where(late > 0, (1 - np.exp(-np.maximum(late, 0) * F * 3)), 0.0)
+    u = u * np.exp(-np.maximum(late, 0) / 1.2e-5)
+    u = u + 2e-3 * np.random.default_rng(4).standard_normal(u.shape)
+    best = read_array("tail", T, *named(u, X)).best
+    assert best.valid, best.reason
+    assert abs(best.velocity - C) < 2 * best.velocity_error

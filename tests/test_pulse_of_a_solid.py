@@ -88,3 +88,22 @@ def test_in_a_specimen_that_rings_to_the_records_end_no_wave_is_taken_but_one_th
     known = read_one(record, L, {}, wanted=Wanted(speed=1.05 * C)).best
     assert known.valid, known.reason
     assert abs(known.time - FIRST) <= min(1.96 * known.error, 0.05 * FIRST)
+
+
+@pytest.mark.parametrize(("decay", "periods"), [(2.5, 6), (2.5, 8), (3.5, 9)])
+def test_a_wave_that_comes_while_a_ringing_transmitter_still_sends_is_not_passed_over(
+    decay, periods
+):
+    """What was sent falls by e in some periods, and as it does comes the wave, far larger than the
+    crosstalk; its echo comes at three times its time."""
+    t = np.arange(-200, 4000) * 4e-8
+
+    def rings(begins):
+        after = np.maximum(F * t - begins, 0)
+        return np.sin(2 * np.pi * after) * np.exp(-after / decay)
+
+    got = 0.15 * np.exp(-np.maximum(F * t, 0) / 2) * (t > 0) * np.cos(2 * np.pi * 2.6 * F * t)
+    got += rings(periods) - 0.7 * rings(3 * periods)
+    got += 0.004 * np.random.default_rng(1).standard_normal(len(t))
+    best = read_one(transmission_record(t, got, rings(0), "rings"), L, {}).best
+    assert not best.valid or abs(best.time - periods / F) < 2 * best.error

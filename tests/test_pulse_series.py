@@ -172,3 +172,16 @@ def test_a_law_that_bends_as_where_soil_yields_excludes_none_of_its_records():
     off = off_the_law(stress, velocity, 0.025 * velocity)
     assert (off > 0).tolist() == (np.arange(9) == 5).tolist()
     assert off.max() == pytest.approx(np.log(1.12), abs=1e-9)
+
+
+def test_p_and_s_records_under_the_same_stresses_are_told_as_two_waves():
+    """Those of P waves, 1.6 times as fast, have a reflection where the S waves come."""
+    slow = [of(i, 1.2e4, [(T, 1.0), (1.5 * T, 0.3)]) for i, T in enumerate(TIME)]
+    fast = [of(9 + i, 1.2e4, [(T / 1.6, 1.0), (T, 0.3)]) for i, T in enumerate(TIME)]
+    stress = np.r_[STRESS, STRESS].tolist()
+    found, series = read_series([*slow, *fast], L, {}, "stress (kPa)", stress)
+    assert not any(one.best.valid for one in found)
+    assert "under the same stress 9 shows a wave 1.6" in found[0].best.reason
+    assert series.law is None
+    twice, _ = read_series(slow + slow[::-1], L, {}, "stress", [*STRESS, *STRESS[::-1]])
+    assert all(one.best.valid for one in twice)

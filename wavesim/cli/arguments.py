@@ -104,6 +104,12 @@ BAND = click.option(
     metavar="F1 F2",
     help="Lowest and highest frequency, in Hz or as 600kHz.",
 )
+GAINS = click.option(
+    "--gain-error",
+    type=NOT_NEGATIVE,
+    metavar="PART",
+    help="How far gains of receivers differ (rms); else 0.1, or what three show.",
+)
 CASE = click.argument("case", type=click.Path(), shell_complete=cases)
 SET = click.option(
     "--set",

@@ -21,6 +21,7 @@ import click
 from wavesim.cli.arguments import (
     BAND,
     FILES,
+    GAINS,
     JSON,
     NOT_NEGATIVE,
     POSITIVE,
@@ -329,7 +330,6 @@ def _write(found: Any, answer: dict[str, Any], kind: str, folder: Path, drawn: P
 @click.option("--undamped", is_flag=True, help="Hold every decay in time to 0.")
 def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **given: Any) -> None:
     """Branches ω(k) of the record FILE: a run, or what `wavesim inspect` reads."""
-
     options = {"method": method, "k_max": k_max, "most": most, "damped": not undamped}
     _extract(given, "dispersion", **options)
 
@@ -338,13 +338,13 @@ def dispersion(method: str, k_max: float | None, most: int, undamped: bool, **gi
 @_OPTIONS
 @BAND
 @click.option("--frequencies", type=click.IntRange(1, 4096), default=40, show_default=True)
-@click.option("--damping", type=NumberIn(4, 30),
-              help="σT of the exponential window; by the noise where not given.")  # fmt: skip
+@click.option("--damping", type=NumberIn(4, 30), help="σT of the exponential window; by the noise.")
 @click.option("--pairs", type=click.IntRange(1, 2), default=1, help="Most pairs ±k sought.")
 @click.option("--clear", type=NOT_NEGATIVE, help="Distance to keep from sources, m.")
 @click.option("--spreading", type=click.Choice(("plane", "cylindrical", "spherical")),
               default="plane", help="How waves spread from --source; plane: not.")  # fmt: skip
+@GAINS
 def attenuation(**given: Any) -> None:
     """Complex k(ω), in bands and gaps, of the record FILE: a run, or what `inspect` reads."""
-    own = ("band", "frequencies", "damping", "pairs", "clear", "spreading")
+    own = ("band", "frequencies", "damping", "pairs", "clear", "spreading", "gain_error")
     _extract(given, "attenuation", **{name: given.pop(name) for name in own})

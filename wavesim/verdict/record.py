@@ -17,6 +17,7 @@ from wavesim.readings.dispersion.noise_level import excited_frequencies
 from wavesim.readings.dispersion.nyquist_crossing import because_undersampled
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.spreading import KINDS
+from wavesim.readings.dispersion.unequal_gains import CALIBRATED, OF_TWO
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
 from wavesim.records.faults.moveout import of_no_wave
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency, unclipped
@@ -131,6 +132,7 @@ def attenuation(
     pairs: int = 1,
     clear: float | None = None,
     spreading: str = "plane",
+    gain_error: float | None = None,
 ) -> list[Recovered]:
     """Complex k at given frequencies of each record in which a wave travels, beside the theory.
 
@@ -143,6 +145,8 @@ def attenuation(
         pairs: most pairs ±k at one frequency, –.
         clear: distance to keep from sources, m; one particle distance where a medium is known.
         spreading: of the waves, one of ``wavesim.readings.dispersion.spreading.KINDS``.
+        gain_error: standard deviation of the receivers' gains, relative, –; where None, 0 of a
+            simulated field, 0.1 of any other.
 
     Raises:
         RecordError: no wave travels in any record, or one can't be used.
@@ -166,9 +170,15 @@ def attenuation(
             keep = float(medium.length_scale) if medium is not None and origin.bar else 0.0
         component = 0 if origin.bar is not None else None
         omega = np.linspace(low, high, frequencies)
+        gains = gain_error
+        if gains is None:
+            gains = CALIBRATED if origin.bar is None else 0.0
+            if origin.bar is None and len(record.x) == 2:
+                origin = replace(origin, record=replace(record, notes=(*record.notes, OF_TWO)))
         points = in_space(
-            record, omega, damping, pairs, component, keep, spreading=KINDS[spreading]
-        )
+            record, omega, damping, pairs, component, keep,
+            spreading=KINDS[spreading], gain_error=gains,
+        )  # fmt: skip
         points = because_undersampled(points, record)
         if medium is None:
             _check_speeds(points)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.damped_transform import damped_transform, truncation
 from wavesim.readings.dispersion.branch_joining import join
+from wavesim.readings.dispersion.coming_round import coming_back, with_coming_back
 from wavesim.readings.dispersion.direction_of_travel import GROWS, against_travel, runs_on, slowness
 from wavesim.readings.dispersion.folding import FOLDED, OR_BOTH_WAYS, folded_branches
 from wavesim.readings.dispersion.halves_of_line import with_unlike_halves
@@ -24,16 +25,15 @@ from wavesim.readings.dispersion.hidden_mode import Bends, along, of_receivers, 
 from wavesim.readings.dispersion.line_fit import unknowns
 from wavesim.readings.dispersion.noise_level import excited_frequencies, noise_variance
 from wavesim.readings.dispersion.phase_beam import highest_wavenumber
-from wavesim.readings.dispersion.points import COMPLEX_BAR, CUT, BranchPoints
+from wavesim.readings.dispersion.points import CUT, BranchPoints
 from wavesim.readings.dispersion.simplest_waves import EXCESS, MORE, UNLIKE, line_fits, simplest
 from wavesim.readings.dispersion.spreading import spreads
-from wavesim.readings.dispersion.unequal_gains import with_unequal_gains
+from wavesim.readings.dispersion.unequal_gains import CALIBRATED, with_unequal_gains
 from wavesim.readings.pulse.first_break import envelope
 from wavesim.records.faults.quiet import beside_mutes, frames_at_rest
 from wavesim.records.record import Record, RecordError
 
 Float = NDArray[Any]
-Complex = NDArray[np.complex128]
 
 # σT where there is no noise, and the least. With noise of a part n of the peak ln(1/n) + 4 serves:
 # the truncation is then below the noise, and no more of the record is given away.
@@ -77,6 +77,7 @@ def in_space(
     clear: float = 0.0,
     k_max: float | None = None,
     spreading: float = 0.0,
+    gain_error: float = CALIBRATED,
 ) -> BranchPoints:
     """Complex k at given frequencies; branches joined by continuity of |k|.
 
@@ -91,6 +92,8 @@ def in_space(
         k_max: largest |k| believed, rad/m; larger ones are refused.
         spreading: p of amplitudes that fall as r^−p with the distance r from the source besides
             their loss: 0 for plane waves, ½ for cylindrical, 1 for spherical ones, –.
+        gain_error: standard deviation of the receivers' gains, relative; bars hold it, or what
+            three receivers or more show of it, if that is less, –.
 
     Returns:
         The points, n for each pair; those that can't be measured are there with the reason.
@@ -163,7 +166,7 @@ def in_space(
     fits = line_fits(U, x, used, pairs)
     level = np.hypot(left_out, noise)
     # What comes round a ring is a wave of its own only where there are receivers to tell it by.
-    back = _coming_back(fits[0][2].k[:, 0], x, stretch) * np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
+    back = coming_back(fits[0][2].k[:, 0], x, stretch) * np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
     level = np.where(used.sum(axis=1) > unknowns(1, True), level, np.hypot(level, back))
     points, chosen = simplest(fits, used, omega + 1j * sigma, level)
     step = np.repeat(np.arange(len(omega)), [fits[c][0] for c in chosen])
@@ -172,7 +175,7 @@ def in_space(
     begun = np.sum(unsure * used, axis=1) / np.maximum(used.sum(axis=1), 1)
     points = replace(points, error=np.hypot(points.error, begun[step] * np.abs(points.k)))
     models = [fits[c] for c in chosen]
-    points = _with_coming_back(points, x, stretch, [model[:2] for model in models])
+    points = with_coming_back(points, x, stretch, [model[:2] for model in models])
     points = _judged(points, np.zeros(0) if record.lattice else x, k_max)
     high = points.omega.real > _BAND * np.pi / record.interval
     reason = np.where(high, "near the Nyquist frequency: sample more often", points.reason)
@@ -183,7 +186,7 @@ def in_space(
     points = _with_hidden(_with_branches(points, omega), U, x, used, level, models)
     if not record.ring:
         points = with_unlike_halves(points, U, x, used, level, models)
-        points = with_unequal_gains(points, U, x, used, level, models)
+        points = with_unequal_gains(points, U, x, used, level, models, gain_error)
     points = _with_branches(points.known(), omega)
     # A loss that may be none tells no direction.
     turned = (points.k.real < 0) & (points.k.imag < points.bar)
@@ -220,20 +223,6 @@ def _enough(points: BranchPoints, heard: Any, models: Any) -> BranchPoints:
     if not refused:
         return points
     return points.refused(points.valid, points.reason[np.argmax(power[step] * none)])
-
-
-def _with_coming_back(points: BranchPoints, x: Float, stretch: float, models: Any) -> BranchPoints:
-    """Errors with what comes round a ring from its other side, where the model has no such wave:
-    of a part R = e^{−Im k (S − 2x)} of the stretch S between like sources, 2R/X at most."""
-    one_way = np.repeat([not both for _, both in models], [pairs for pairs, _ in models])
-    part = np.where(one_way, _coming_back(points.k, x, stretch), 0.0)
-    return replace(points, error=np.hypot(points.error, 2 * part / float(np.ptp(x)) / COMPLEX_BAR))
-
-
-def _coming_back(k: Complex, x: Float, stretch: float) -> Float:
-    """R of waves on a stretch; 0 where nothing comes round, S then being infinite."""
-    longer = stretch - x[0] - x[-1]
-    return np.exp(-np.maximum(k.imag, 0) * longer) if np.isfinite(longer) else np.zeros(len(k))
 
 
 def _with_hidden(

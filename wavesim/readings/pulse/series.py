@@ -233,6 +233,23 @@ def of_another_set_up(
     return (own < RIVAL) & (found.correlation < np.median(found.correlation) - _LESS)
 
 
+def surely_direct(
+    records: Sequence[TransmissionRecord],
+    heard: Sequence[list[Packet]],
+    likely: Sequence[Float],
+    delay: float,
+) -> Float:
+    """Travel time of the wave that each record by itself surely shows as direct, shape (n,), s; NaN
+    where it shows none such. Arguments are those of :func:`of_another_set_up`."""
+    result = np.full(len(records), np.nan)
+    for i, (one, packets, weights) in enumerate(zip(records, heard, likely, strict=True)):
+        begun = np.array([packet.begins for packet in packets])
+        first = begun[np.argmax(weights)] if len(begun) else 0.0
+        rivals = (weights >= RIVAL) & (np.abs(begun - first) > _APART * one.period)
+        result[i] = first - delay if first > delay and not rivals.any() else np.nan
+    return result
+
+
 class _Signal:
     """A record against the time after its start, less the delay."""
 

@@ -19,6 +19,15 @@ OFF = (
 )
 
 
+TWO_WAVES = (
+    "under the same {} {} shows a wave {:.2f} times as fast, and others too: are P and S waves, or "
+    "two set-ups, in one series? read those of each by themselves"
+)
+# Waves under one state are two where one takes so many times the other's time, as waves P and S do,
+# and records under so many states show it.
+_AS_P_AND_S, _FEWEST_PAIRS = 1.25, 2
+
+
 @dataclass(frozen=True)
 class Series:
     """A series of readings.
@@ -60,3 +69,34 @@ def of_one_law(
         for one, b, away in zip(readings, best, off.tolist(), strict=True)
     ]  # fmt: skip
     return kept, off > 0
+
+
+def without_two_waves(
+    readings: Sequence[Reading],
+    alone: Float,
+    parameter: str,
+    p: Float,
+) -> tuple[list[Reading], NDArray[np.bool_]]:
+    """The same, less those of records that show waves of two speeds under the same states, and
+    which these are.
+
+    Args:
+        readings, parameter, p: of the series.
+        alone: slowness of the wave that each record by itself surely shows as direct, s/m; NaN
+            where it shows none such.
+    """
+    name, result, other = parameter.partition(" (")[0], list(readings), np.zeros(len(p), bool)
+    log = np.log(alone)
+    pairs = {}
+    for i in range(len(p)):
+        apart = np.where((p == p[i]) & np.isfinite(log), np.abs(log - log[i]), 0.0)
+        if np.nanmax(apart, initial=0.0) > np.log(_AS_P_AND_S):
+            pairs[i] = int(np.nanargmax(apart))
+    if len({float(p[i]) for i in pairs}) < _FEWEST_PAIRS:
+        return result, other
+    for i, j in pairs.items():
+        faster = float(alone[i] / alone[j])
+        why = TWO_WAVES.format(name, readings[j].file, faster)
+        result[i] = replace(result[i], best=replace(result[i].best, valid=False, reason=why))
+        other[i] = True
+    return result, other

@@ -23,8 +23,9 @@ from wavesim.readings.pulse.series import (
     in_noise,
     in_order,
     of_another_set_up,
+    surely_direct,
 )
-from wavesim.readings.pulse.series_law import Series, law_of, of_one_law
+from wavesim.readings.pulse.series_law import Series, law_of, of_one_law, without_two_waves
 from wavesim.readings.pulse.signals import PulseError, check_distance
 from wavesim.readings.pulse.transmission_record import TransmissionRecord
 from wavesim.readings.pulse.travel_time import REACHED, TravelTime
@@ -199,7 +200,9 @@ def _read(
     if stress:
         readings, off = of_one_law(readings, parameter, p)
         other = other | off
-    return readings, Series(parameter, p, law_of(readings, p)), other
+    shown = surely_direct(records, heard, likely, delay) / L
+    readings, two = without_two_waves(readings, shown, parameter, p)
+    return readings, Series(parameter, p, law_of(readings, p)), other | two
 
 
 def _beside(

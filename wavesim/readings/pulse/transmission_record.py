@@ -44,6 +44,8 @@ _DOUBTFUL, _SOONEST = 0.15, 0.25
 # A wave of this part of the largest that stands when crosstalk ends, and for this part of a period,
 # began within it; of the second where crosstalk was heard for longer than 1.5 lengths.
 _COVERED, _AT_END = (0.45, 0.2), 0.25
+# So many times its size as the pulse begins, what stands in crosstalk's time is a wave.
+_GROWN = 3.0
 # Where nothing says how long it was sent, what rises out of crosstalk of this part of the largest
 # may be more of it.
 STRONG = 0.45
@@ -307,11 +309,15 @@ def blanked(found: TransmissionRecord, blank: float) -> TransmissionRecord:
     part = found.crosstalk / largest if found.crosstalk else 0.0
     covered = False
     if part:
-        size = envelope(band_about(found.raw, dt, period))[first:]
+        whole = envelope(band_about(found.raw, dt, period))
+        size = whole[first:]
         at_end = size[: max(1, int(_AT_END * period / dt))]
         long = found.unended and blank > _latest(found, found.period)
         covered = float(at_end.min()) > _COVERED[int(long)] * float(size.max())
         covered |= found.risen and found.sent is None and part > STRONG
+        # What grows so far while crosstalk is heard is no more of it.
+        within = float(whole[early:first].max(initial=0.0))
+        covered |= within > max(_GROWN * found.crosstalk, _COVERED[0] * float(size.max()))
     return replace(
         found, got=got, got_before=quiet, blank=blank, crosstalk=part, period=period,
         covered=covered,
