@@ -99,6 +99,13 @@ def test_a_clock_that_jitters_is_refused_and_noise_that_all_receivers_share_is_n
     record(line() + 0.02 * rng.normal(size=(len(T), 1)), T, X)
 
 
+def test_bars_hold_a_clock_that_jitters_a_little(rng):
+    """Each frame a thirtieth of an interval off its time: a noise that goes with the slope."""
+    late = 5e-7 / 30 * rng.normal(size=len(T))
+    u = noisy(ricker((T + late)[:, None] - X / SPEED, 5e4, 3e-5))
+    assert len(held(in_time(record(u, T, X), method="auto"))) > 20
+
+
 def test_edges_sharper_than_an_interval_are_no_clock_that_jitters():
     """Square pulses of 16 µs that go on without dispersion, two intervals from each of eight
     receivers to the next: all frames are of their times."""

@@ -34,7 +34,7 @@ _BETWEEN, _COPIED, _ONE_TIME = 0.25, 0.04, 0.6
 # else were there, by the median of so many parts of the record, as what is picked up is in one, and
 # between these parts of an interval: less is noise, and more is no frame’s in its place, but
 # edges sharper than an interval. Waves and noise make up to 0.3 of the first.
-_ALONG, _STRETCHES, _OF_INTERVAL, _OUT_OF_PLACE = 0.7, 5, 0.03, 0.6
+_ALONG, _STRETCHES, _OF_INTERVAL, _OUT_OF_PLACE = 0.7, 5, 0.06, 0.6
 # Of fewer receivers the two shapes that are taken out of all leave too little.
 _FEWEST = 6
 
