@@ -303,9 +303,10 @@ def _at_ends(record: Record) -> tuple[float, bool]:
     ends = moving[..., [0, -1]]
     peak = float(np.abs(moving).max())
     parts = np.array_split(ends**2, max(1, min(_WINDOWS, ends.shape[1] // 8)), axis=1)
-    # Signals up to the Nyquist frequency look like noise, but not where all is quiet.
-    noise = min(record.noise**2, _NOISE_ROOM * min(float(part.mean()) for part in parts))
-    # Of noise alone, the mean square of m samples scatters by √(2/m).
+    # Of noise alone, the mean square of m samples scatters by √(2/m). Signals up to the Nyquist
+    # frequency look like noise, but not where all is quiet.
+    quiet = (float(part.mean()) / max(1 - 4 * np.sqrt(2 / part.size), 0.1) for part in parts)
+    noise = min(record.noise**2, *quiet)
     loud = [
         float(part.mean()) > noise * (_NOISE_ROOM + 6 * np.sqrt(2 / part.size))
         + (_AT_ENDS * peak) ** 2
