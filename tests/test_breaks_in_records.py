@@ -133,6 +133,15 @@ def test_a_side_of_a_line_is_told_beside_two_modes(fault):
         assert len(found.x) == 9
 
 
+@pytest.mark.parametrize("late", [{4: 5e-6}, {4: -5e-6}, {2: 3e-6, 7: 6e-6}])
+def test_receivers_late_or_early_by_themselves_are_not_out_of_order(late):
+    """One or two of ten, by several times what passes from one to the next: these are left out."""
+    delay = np.array([late.get(j, 0.0) for j in range(10)])
+    found = record(noisy(ricker(T[:, None] - X[:10] / SPEED - delay, 5e4, 2e-5)), T, X[:10])
+    assert [one.what for one in found.findings] == ["delayed"]
+    assert found.x == pytest.approx(np.delete(X[:10], list(late)))
+
+
 @pytest.mark.parametrize("late", [1e-3, 1e-2, 0.1])
 def test_bars_hold_a_side_that_is_a_little_late(late):
     """A part of a period of 20 µs: a line through two parallel ones is of neither's slope."""

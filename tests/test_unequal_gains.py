@@ -5,7 +5,9 @@ import pytest
 from pulses import ricker
 
 from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.records.of_medium import RecordOfMedium
 from wavesim.records.record import record
+from wavesim.verdict.record import attenuation
 
 T = np.arange(1000) * 5e-7
 X = 0.02 + 0.005 * np.arange(3)
@@ -53,3 +55,17 @@ def test_receivers_so_close_that_gains_hide_k_are_refused_with_the_option_that_t
     omega = 2 * np.pi * np.array([8e4, 1e5])
     assert all("--gain-error" in why for why in in_space(made, omega).reason)
     assert in_space(made, omega, gain_error=0.001).valid.all()
+
+
+@pytest.mark.parametrize(("places", "sources"), [((0.02, 0.03), ()), ((0.02, 0.03, 0.06), (0.05,))])
+def test_a_note_says_what_two_receivers_on_one_side_do_not_tell(places, sources):
+    """Whatever their gains are said to be, one wave is taken for granted."""
+    x = np.array(places)
+    u = ricker(T[:, None] - np.abs(x - (*sources, 0.0)[0]) / 3000 - 2e-5, 1e5, 3e-5)
+    u += 1e-3 * np.random.default_rng(1).standard_normal(u.shape)
+    for gains, part in ((None, "10 %"), (0.02, "2 %")):
+        of_two = [RecordOfMedium("u", record(u, T, x, sources=sources))]
+        (found,) = attenuation(of_two, gain_error=gains)
+        assert any(
+            "one wave for granted" in note and part in note for note in found.origin.record.notes
+        )

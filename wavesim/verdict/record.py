@@ -18,7 +18,7 @@ from wavesim.readings.dispersion.nyquist_crossing import because_undersampled
 from wavesim.readings.dispersion.points import BranchPoints
 from wavesim.readings.dispersion.spreading import KINDS
 from wavesim.readings.dispersion.unequal_gains import CALIBRATED, OF_TWO
-from wavesim.readings.dispersion.wavenumber_at_frequency import in_space
+from wavesim.readings.dispersion.wavenumber_at_frequency import in_space, line_without_source
 from wavesim.records.faults.moveout import of_no_wave
 from wavesim.records.fitness import for_frequency_at_k, for_k_at_frequency, unclipped
 from wavesim.records.of_medium import RecordOfMedium
@@ -170,11 +170,10 @@ def attenuation(
             keep = float(medium.length_scale) if medium is not None and origin.bar else 0.0
         component = 0 if origin.bar is not None else None
         omega = np.linspace(low, high, frequencies)
-        gains = gain_error
-        if gains is None:
-            gains = CALIBRATED if origin.bar is None else 0.0
-            if origin.bar is None and len(record.x) == 2:
-                origin = replace(origin, record=replace(record, notes=(*record.notes, OF_TWO)))
+        gains = (CALIBRATED if origin.bar is None else 0.0) if gain_error is None else gain_error
+        if origin.bar is None and len(line_without_source(record, keep)[0]) == 2:
+            notes = (*record.notes, OF_TWO.format(100 * gains))
+            origin = replace(origin, record=replace(record, notes=notes))
         points = in_space(
             record, omega, damping, pairs, component, keep,
             spreading=KINDS[spreading], gain_error=gains,

@@ -32,8 +32,8 @@ _LOUD = 5.0
 CALIBRATED = 0.1
 OF_TWO = (
     "two receivers tell neither whether their gains are alike nor whether one wave alone passes: "
-    f"bars take gains to be alike to {100 * CALIBRATED:g} % (--gain-error), and one wave for "
-    "granted; a third receiver tells both"
+    "bars take gains to be alike to {:g} % (--gain-error), and one wave for granted; a third "
+    "receiver tells more"
 )
 UNKNOWN = (
     "what receivers' gains may differ by leaves a bar as large as k: say how alike they are with "
@@ -81,6 +81,6 @@ def with_unequal_gains(
     unit = np.sqrt(np.sum((weight * away) ** 2, axis=1)) / np.sum(weight * away**2, axis=1)
     step = np.repeat(np.arange(len(U)), [pairs for pairs, _, _ in models])
     error = np.maximum(points.error, wide / COMPLEX_BAR * (unit * one_way)[step])
-    open_ = points.valid & (points.bar < np.abs(points.k))
+    known = points.valid & (points.bar < np.abs(points.k))
     points = replace(points, error=error)
-    return points.refused(open_ & ~(points.bar < np.abs(points.k)), UNKNOWN)
+    return points.refused(known & ~(points.bar < np.abs(points.k)), UNKNOWN)

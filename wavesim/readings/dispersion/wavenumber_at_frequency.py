@@ -121,7 +121,7 @@ def in_space(
             raise RecordError(f"{key} = {locals()[key]}: must be {allowed}")
     if component is None:
         component = int(np.argmax(np.abs(record.values).max(axis=(1, 2))))
-    receivers, x, stretch = _line(record, clear)
+    receivers, x, stretch = line_without_source(record, clear)
     values = record.values[component][:, receivers]
     # The window begins where something moves, so that it weighs no more noise than it must.
     rest = frames_at_rest(whole := values)
@@ -267,7 +267,7 @@ def _nearest(record: Record, x: Float, default: float | None = np.nan) -> Any:
     )
 
 
-def _line(record: Record, clear: float) -> tuple[NDArray[np.int64], Float, float]:
+def line_without_source(record: Record, clear: float) -> tuple[NDArray[np.int64], Float, float]:
     """Receivers of the longest stretch without a source, their positions along it, and its length.
 
     Positions are from its source on, and its length is finite, on a ring.

@@ -36,7 +36,7 @@ def read_either_way(
     positions: Mapping[str, float],
     *more: Any,
 ) -> Reading:
-    """:func:`read_array`, whichever end of the receivers' line the wave comes from."""  # fmt: skip
+    """:func:`read_array`, whichever end of the receivers' line the wave comes from."""
     reading = read_array(name, t, signals, positions, *more)
     if reading.best.reason != BACKWARDS:
         return _told_why(reading, t, signals, positions, more)
