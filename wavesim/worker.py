@@ -20,12 +20,13 @@ import tempfile
 import traceback
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
+from multiprocessing.reduction import ForkingPickler
 from threading import Thread
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -152,6 +153,8 @@ class Worker:
         _RUNNING.add(self._process.pid)
         self._line = Connection(here.detach())
         self._asked: list[Answer] = []
+        # While it works by itself it takes nothing, and what is large waits to be taken.
+        self._sender = ThreadPoolExecutor(1)
         self._listener = Thread(target=self._listen, daemon=True)
         self._listener.start()
 
@@ -165,6 +168,7 @@ class Worker:
             os.killpg(self._process.pid, signal.SIGKILL)  # it and its forks
         self._process.wait()
         _RUNNING.discard(self._process.pid)
+        self._sender.shutdown()
         self._listener.join()
         self._line.close()
         os.close(self._memory)  # arrays in it stay as long as anyone holds them
@@ -191,13 +195,17 @@ class Worker:
     def _ask(self, itself: bool, function: str, arguments: tuple[Any, ...]) -> Answer:
         answer = Answer()
         self._asked.append(answer)
+        told = ForkingPickler.dumps((len(self._asked) - 1, itself, function, arguments))
+        self._sender.submit(self._send, told, answer)
+        return answer
+
+    def _send(self, told: memoryview, answer: Answer) -> None:
         try:
-            self._line.send((len(self._asked) - 1, itself, function, arguments))
-        except (BrokenPipeError, ConnectionResetError):
+            self._line.send_bytes(told)
+        except OSError:  # it has ended
             self._listener.join()
             if not answer.told.done():
                 answer.told.set_exception(self._gone())
-        return answer
 
     def _gone(self) -> Exception:
         return _ended("the process beside the run", self._process.wait())

@@ -13,6 +13,8 @@ from wavesim.records.units import Said, alike
 
 # More than this is no record that can be read off at once: 2 GB of float64.
 LARGEST = 250_000_000
+# Signals begin one after the other where this part of the record lies between.
+_CLEARLY = 0.02
 
 
 class RecordError(ValueError):
@@ -79,3 +81,33 @@ def check_size(shape: tuple[int, ...], name: str) -> None:
 def without_single_axes(array: NDArray[Any]) -> NDArray[Any]:
     """An array of three axes or more without those of one entry, which tell nothing."""
     return np.squeeze(array) if array.ndim > 2 else array
+
+
+def sent_first(columns: Sequence[int], values: NDArray[Any], said: str, text: str) -> int:
+    """Which of two columns is what was sent, the other what was received of it: it reaches half of
+    its peak first, or, where crosstalk comes at once, is over first.
+
+    Args:
+        columns: their indices.
+        values: shape (nt, more).
+        said, text: for a message, why both may be meant, and what was asked for.
+
+    Raises:
+        RecordError: neither is clear.
+    """
+    unclear = RecordError(f"{said}: say 'column {text}' or 'heading {text}'")
+    if max(columns) >= values.shape[1]:
+        raise unclear
+    spans = []
+    for j in columns:
+        u = np.nan_to_num(values[:, j].astype(float))
+        size = np.abs(u - np.median(u[: max(4, len(u) // 50)]))
+        spans.append(np.flatnonzero(size >= size.max() / 2)[[0, -1]])
+    begun, over = (np.array(spans)[:, k] / len(values) for k in (0, 1))
+    if abs(begun[0] - begun[1]) > _CLEARLY:
+        return columns[int(np.argmin(begun))]
+    # A step stays, and says no more.
+    clear = abs(over[0] - over[1]) > _CLEARLY and over.max() < 1 - _CLEARLY
+    if not clear:
+        raise unclear
+    return columns[int(np.argmin(over))]

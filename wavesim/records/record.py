@@ -213,7 +213,8 @@ def record(
         storage: least distance between numbers as times and positions were stored, s and m.
         notes: what was assumed of it.
         placed: whether receivers must have positions, and there must be two.
-        trusted: whether it is a simulation's, in which no instrument's faults are looked for.
+        trusted: whether it is a simulation's, in which no instrument's faults are looked for, and
+            whose array the record takes over.
         as_recorded: whether channels along a line are not held against each other.
 
     Returns:
@@ -228,7 +229,7 @@ def record(
             "fault would show at all wavenumbers: leave it out, or leave out ring"
         )
     stored = np.asarray(values)
-    values, t, x = shapes.real(stored), np.array(t, float), np.array(x, float)
+    values, t, x = shapes.real(stored, not trusted), np.array(t, float), np.array(x, float)
     if values.ndim == 2:
         values = values[None]
     found: list[Finding] = []

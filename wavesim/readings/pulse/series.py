@@ -59,6 +59,8 @@ LEAST_CORRELATION = 0.4
 # A record is of another set-up where what was followed is no likely direct wave of its own, as in
 # most records of the series it is; it then correlates less with its neighbours, by so much.
 _LIKELY, _LESS = 0.5, 0.05
+# … or not at all, where no more than this part of the records show the wave as less than likely.
+_FEW_OFF = 0.2
 # A wave moves through a series by so many periods at least, where crosstalk does not.
 MOVES = 1.5
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
@@ -230,24 +232,12 @@ def of_another_set_up(
     shown = own[np.isfinite(own)]
     if not len(shown) or np.median(shown) <= _LIKELY:
         return np.zeros(len(heard), bool)
-    return (own < RIVAL) & (found.correlation < np.median(found.correlation) - _LESS)
-
-
-def surely_direct(
-    records: Sequence[TransmissionRecord],
-    heard: Sequence[list[Packet]],
-    likely: Sequence[Float],
-    delay: float,
-) -> Float:
-    """Travel time of the wave that each record by itself surely shows as direct, shape (n,), s; NaN
-    where it shows none such. Arguments are those of :func:`of_another_set_up`."""
-    result = np.full(len(records), np.nan)
-    for i, (one, packets, weights) in enumerate(zip(records, heard, likely, strict=True)):
-        begun = np.array([packet.begins for packet in packets])
-        first = begun[np.argmax(weights)] if len(begun) else 0.0
-        rivals = (weights >= RIVAL) & (np.abs(begun - first) > _APART * one.period)
-        result[i] = first - delay if first > delay and not rivals.any() else np.nan
-    return result
+    odd = (own < RIVAL) & (found.correlation < np.median(found.correlation) - _LESS)
+    if np.sum(shown < _LIKELY) <= _FEW_OFF * len(shown):
+        # What was followed may be a copy of the wave that went another way, and correlate as well:
+        # where the others show it as the direct one, that a packet here is not says enough.
+        odd |= (own > 0) & (own < RIVAL)
+    return odd
 
 
 class _Signal:

@@ -108,6 +108,8 @@ def without_frames_twice(values: Float, t: Float, found: list[Finding]) -> tuple
     falls = np.flatnonzero(np.diff(t) < 0)
     # Times that begin anew are of another record.
     given, again = (values, t), len(falls) > 0 and bool(t[falls + 1].min() > t[0])
+    if not again and (np.diff(t) > 0).all():
+        return given
     if again:
         order = np.argsort(t, kind="stable")
         values, t = values[:, order], t[order]

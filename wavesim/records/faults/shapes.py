@@ -23,8 +23,8 @@ _ROUNDED = 0.02
 _LEAST, _GREATEST = 1e-30, 1e30
 
 
-def real(values: Float) -> Float:
-    """Values as real floats; refused where they are none."""
+def real(values: Float, copy: bool = True) -> Float:
+    """Values as real floats, of the caller's own array too if not copied; refused if no numbers."""
     if values.dtype.kind not in "fiubc":
         raise RecordError(f"values are no numbers (type {values.dtype})")
     if np.iscomplexobj(values):
@@ -35,7 +35,7 @@ def real(values: Float) -> Float:
                 "carrier)"
             )
         values = values.real
-    return np.array(values, float)
+    return np.array(values, float) if copy else np.asarray(values, float)
 
 
 def is_even(x: Float) -> bool:
