@@ -12,7 +12,7 @@ from wavesim.cli.main import main
 from wavesim.cli.series_values import states
 from wavesim.material.layers import as_layers
 from wavesim.planewave.dispersion_relation import frequencies
-from wavesim.records.content import RecordError
+from wavesim.records.content import RecordError, sent_first
 from wavesim.records.of_pulse_test import of_field
 from wavesim.simulation.field import Field
 
@@ -190,7 +190,9 @@ def test_nothing_but_noise_ends_with_one(tmp_path):
     assert "refused" in answer.output
 
 
-def test_a_heading_that_is_a_number_is_taken_for_a_column_only_where_that_is_said(tmp_path):
+def test_a_heading_that_is_a_number_is_taken_for_a_column_where_that_is_said_or_comes_first(
+    tmp_path,
+):
     """A scope heads its channels 1 and 2, in columns 2 and 3: the sent one is 1, or column 2."""
     t = np.arange(0, 1e-3, 5e-7)
 
@@ -203,13 +205,25 @@ def test_a_heading_that_is_a_number_is_taken_for_a_column_only_where_that_is_sai
     path = tmp_path / "scope.csv"
     np.savetxt(path, table, "%.8e", ",", header="x-axis,1,2\nsecond,Volt,Volt", comments="")
     asked = "--distance", "100mm", "--json"
-    for column in ("1", "column 2", "heading 1"):
+    for column in ("1", "2", "column 2", "heading 1"):
         (one,) = json.loads(pulse(path, "--input", column, *asked).output)["records"]
         assert one["receivers"][0]["arrivals"]["correlation"]["time"] == pytest.approx(4e-4, 1e-3)
         assert abs(one["best"]["velocity"] - 250) <= 2 * one["best"]["velocity_error"]
+    told = " ".join(pulse(path, "--input", "2", "--distance", "100mm").output.split())
+    assert "column 2, which comes first, is what was sent" in told
+    # Strong crosstalk comes at once, but what was sent is over sooner.
+    crosstalk = np.column_stack([t, ricker(0.0), 0.1 * ricker(4e-4) + 0.2 * ricker(0.0)])
+    assert sent_first((1, 2), crosstalk, "", "2") == 1
+    assert sent_first((2, 1), crosstalk, "", "2") == 1
+    crosstalk[:, 1] = t > 8e-5  # a step
+    assert sent_first((1, 2), crosstalk, "", "2") == 1
+    table[:, 2] = table[:, 1]
+    np.savetxt(path, table, "%.8e", ",", header="x-axis,1,2\nsecond,Volt,Volt", comments="")
     refused = pulse(path, "--input", "2", *asked)
     assert refused.exit_code == 2
     assert "say 'column 2' or 'heading 2'" in refused.output
+    table[:, 2] = 0.1 * ricker(4e-4)
+    np.savetxt(path, table, "%.8e", ",", header="x-axis,1,2\nsecond,Volt,Volt", comments="")
     refused = pulse(path, "--input", "1", "--distance", "100")
     assert refused.exit_code == 1
     assert "faster than waves in any solid" in " ".join(refused.output.split())

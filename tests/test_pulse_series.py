@@ -174,6 +174,60 @@ def test_a_law_that_bends_as_where_soil_yields_excludes_none_of_its_records():
     assert off.max() == pytest.approx(np.log(1.12), abs=1e-9)
 
 
+@pytest.mark.parametrize(("power", "span", "times"), [(0.0, 8, 1.65), (0.5, 20, 1.35)])
+def test_a_law_of_another_power_than_grains_have_takes_no_part_of_its_p_waves_for_s_waves(
+    power, span, times
+):
+    """Where V does not grow, S waves of soft states lie on a line with P waves of stiff ones, less
+    than a third as large, whose power is likelier; where it grows more, the other way round."""
+    stress = np.geomspace(10, 10 * span, 7)
+    T = stress**-power
+    T *= min(1e-3 / T[3], 2.7e-3 / T[0])
+    waves = [[(one / times, 0.3), (one, 1.0), (1.8 * one, 0.2)] for one in T]
+    records = [of(i, 6e3, one) for i, one in enumerate(waves)]
+    found, _ = read_series(records, L, {}, "stress (kPa)", stress.tolist())
+    best = [one.best for one in found]
+    assert all(one.valid for one in best)
+    assert (np.abs([one.time for one in best] - T) < [1.96 * one.error for one in best]).all()
+
+
+def test_records_that_end_before_their_s_wave_do_not_make_p_waves_of_the_others():
+    """Of seven, four end before it and show its P wave alone; the three others show it as weak."""
+    stress = np.geomspace(20, 200, 7)
+    T = 1e-3 * (stress / 60) ** -0.25
+    records = [of(i, 1e4, [(t / 1.6, 0.12), (t, 1.0), (1.5 * t, 0.3)]) for i, t in enumerate(T)]
+    end = T[3] + 1e-5
+    cut = [
+        transmission_record(r.t[r.t < end], r.raw[r.t < end], r.sent[r.t < end], r.name)
+        for r in records
+    ]
+    found, _ = read_series(cut, L, {}, "stress (kPa)", stress.tolist())
+    best = [one.best for one in found]
+    assert [one.valid for one in best] == [False] * 4 + [True] * 3
+    assert all("at the record's end" in one.reason for one in best[:4])
+    assert (np.abs([one.time for one in best] - T)[4:] < [1.96 * b.error for b in best[4:]]).all()
+
+
+def test_a_p_wave_among_s_records_is_told_though_what_follows_it_copies_the_s_wave():
+    """A reflection of a P wave comes when the S wave would, and correlates with it as well."""
+    records = [of(i, 1.2e4, [(T, 1.0), (1.6 * T, 0.3)]) for i, T in enumerate(TIME)]
+    records[2] = of(2, 1.2e4, [(TIME[2] / 1.6, 1.0), (TIME[2], 0.3), (1.6 * TIME[2], 0.1)])
+    found, _ = read_series(records, L, {}, "stress (kPa)", STRESS.tolist())
+    assert [one.best.valid for one in found] == [True, True, False, True, True]
+    assert "another direct wave than the series'" in found[2].best.reason
+
+
+def test_p_and_s_records_that_may_be_of_other_waves_each_are_told_as_two_waves():
+    """Each shows a guided wave, 1.7 times as late, that may be the direct one as well."""
+    slow, fast = (
+        [of(i, 1.2e4, [(T / r, 1.0), (1.7 * T / r, 0.36)]) for i, T in enumerate(TIME)]
+        for r in (1.0, 1.6)
+    )
+    stress = np.r_[STRESS, STRESS].tolist()
+    found, _ = read_series([*slow, *fast], L, {}, "stress (kPa)", stress)
+    assert all("under the same stress" in one.best.reason for one in found)
+
+
 def test_p_and_s_records_under_the_same_stresses_are_told_as_two_waves():
     """Those of P waves, 1.6 times as fast, have a reflection where the S waves come."""
     slow = [of(i, 1.2e4, [(T, 1.0), (1.5 * T, 0.3)]) for i, T in enumerate(TIME)]

@@ -32,7 +32,7 @@ from wavesim.report.progress import part_done as progress
 from wavesim.simulation.field import Field
 from wavesim.simulation.simulation import Simulation
 from wavesim.sources import Chirp, GaussianDerivative, InitialField, Recorded, Ricker, ToneBurst
-from wavesim.studies.fit_answer import compare
+from wavesim.studies.comparison import compare
 from wavesim.studies.fit_answer import of_waveforms as fit_waveforms
 from wavesim.studies.medium_fit import fit
 from wavesim.studies.sweep import sweep

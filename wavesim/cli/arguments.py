@@ -159,7 +159,8 @@ BESIDE = options(
     click.option(
         "--field",
         metavar="NAME",
-        help="What the record is of, such as phi1 or u1; what is driven where not given.",
+        help="What the record is of, such as phi1 or u1, or u1_t, its rate, or u1_tt, the rate of "
+        "that; what is driven where not given.",
     ),
     click.option(
         "--lag", type=TIME, help="Of the record's clock, in s or as 20us; fitted where not given."

@@ -45,9 +45,12 @@ def _laid_beside(
     """A case and a record matched to its receivers; what is wrong ends the command with a line."""
     from wavesim.readings.matched_record import MatchError, matched
     from wavesim.records.of_pulse_test import of_pulse_file
+    from wavesim.records.point_table import is_points
 
     if scale == 0:
         stop("--scale 0: must not be 0; leave it out, and it is fitted", BAD_INPUT)
+    if is_points(Path(record)):
+        stop(f"{record}: is a table of points, which wavesim fit takes", BAD_INPUT)
     loaded = read_case(case, overrides)
     tests = of_pulse_file(record, layout)
     if any(not test.placed for test in tests) and len(tests) > 1:
@@ -103,10 +106,10 @@ def compare(
     """Lay the signals of CASE over those of RECORD, receiver by receiver, and tell them apart."""
     loaded, measured = _laid_beside(record, case, field, lag, scale, overrides, layout)
     from wavesim.material.shown import plain
-    from wavesim.studies import fit_answer
+    from wavesim.studies import comparison
 
     try:
-        found = fit_answer.compare(loaded, measured, lag, scale)
+        found = comparison.compare(loaded, measured, lag, scale)
     except ValueError as error:
         stop(f"{case}: {error}", BAD_INPUT)
     answer = plain(found.summary())
@@ -119,6 +122,8 @@ def compare(
     if out:
         _write("compare", answer, found, Path(out), as_json)
     if tolerance is not None and not found.residual <= tolerance:
+        if not as_json:
+            click.echo(f"That is more than --tolerance {tolerance:g}.")
         sys.exit(FELL_SHORT)
 
 

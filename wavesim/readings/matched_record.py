@@ -37,7 +37,7 @@ class Measured:
 
     Attributes:
         names, positions: of the case's receivers that were found, m of them.
-        field: the simulated field that the record is of.
+        field: the simulated field that the record is of, as :func:`field_and_rates` takes it.
         t: times, even, shape (nt,), s, on the record's clock.
         values: shape (nt, m), the record's unit.
         notes: what was matched to what, and left out.
@@ -64,7 +64,8 @@ def matched(
     Args:
         record: what was measured.
         planned: what is simulated; with receivers.
-        field: such as phi1; the macro-field that the first source drives where None.
+        field: such as phi1, or u1_t, its rate; the macro-field that the first source drives where
+            None.
         lag: by which the record's clock is late, as far as it is stated, s.
 
     Raises:
@@ -73,9 +74,10 @@ def matched(
     if not planned.receivers:
         raise MatchError("the case has no [[receivers]]: add those that were measured")
     name = field or _driven(planned)
-    if name not in planned.fields:
+    if field_and_rates(name)[0] not in planned.fields:
         raise MatchError(
-            f"--field {name}: is not simulated; must be one of {', '.join(planned.fields)}"
+            f"--field {name}: is not simulated; must be one of {', '.join(planned.fields)}, or its "
+            "rate in time, as u1_t, or the rate of that, as u1_tt"
         )
     found, how = _pairs(record, planned)
     if not found:
@@ -104,6 +106,12 @@ def matched(
         notes.append(f"columns {', '.join(map(repr, left))} are no receiver's, left out")
     positions = tuple(float(planned.receivers[n]) for n in found)
     return Measured(tuple(found), positions, name, t, values, tuple(notes))
+
+
+def field_and_rates(name: str) -> tuple[str, int]:
+    """A field, and how many times ∂/∂t is taken of it: u1_t is ∂u1/∂t, u1_tt ∂²u1/∂t²."""
+    field, _, rates = name.rpartition("_")
+    return (field, len(rates)) if rates and not rates.strip("t") else (name, 0)
 
 
 def _driven(planned: Simulation) -> str:

@@ -22,6 +22,8 @@ Float = NDArray[Any]
 
 # More than this of the record left over says that it is not the case's alone.
 LARGEST_RESIDUAL = 0.5
+# And so much that goes with the signals, or of points, spoils what is read off it.
+SPOILS = 0.01
 UNLIKE = (
     "the case is another than what was measured, whoever's the columns are, or the record holds as "
     "much noise, drift or crosstalk beside"
@@ -29,6 +31,11 @@ UNLIKE = (
 # And this much, that nothing of the case is in it.
 _NOTHING = 0.97
 ABSENT = "nothing of the case is found in the record: it is of another test, or holds noise alone"
+OFF = (
+    "what is left over, {:.1%} of the record, goes with the signals and is no noise: the case's "
+    "medium, bar or source is not quite what was measured, and the errors of lag and scale do not "
+    "hold that"
+)
 # Spectra are compared where both have this part of their peak.
 _IN_BAND = 0.1
 # A correlation is looked at so many times between its samples.
@@ -89,8 +96,11 @@ class Comparison:
     @property
     def notes(self) -> tuple[str, ...]:
         """Those of the record, and what is wrong with how it lies on the case."""
-        unlike = UNLIKE if self.residual > LARGEST_RESIDUAL else ""
-        wrong = self.otherwise or (ABSENT if self.residual > _NOTHING else unlike)
+        wrong = self.otherwise
+        if not wrong and self.residual > LARGEST_RESIDUAL:
+            wrong = ABSENT if self.residual > _NOTHING else UNLIKE
+        elif not wrong and self.systematic > SPOILS and self.lag_error + self.scale_error >= 0:
+            wrong = OFF.format(self.systematic)
         return (*self.measured.notes, *([wrong] if wrong else []))
 
     def summary(self) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from wavesim.records.axes import (
     times_fall,
     times_of,
 )
-from wavesim.records.content import Content, RecordError, without_single_axes
+from wavesim.records.content import Content, RecordError, sent_first, without_single_axes
 from wavesim.records.faults.gaps import FEWEST_FRAMES
 from wavesim.records.layout import Layout
 from wavesim.records.units import named_as, position_in
@@ -105,7 +105,7 @@ def find(content: Content, layout: Layout) -> Found:
                 f'the column headed "{layout.input}" is taken for what was sent: --input names '
                 "another"
             )
-    signal = _input(content, layout)
+    signal = _input(content, layout, notes)
     if content.unplaced:
         left = list(content.unplaced)
         notes.append(
@@ -200,8 +200,8 @@ def _transmitter(content: Content, layout: Layout) -> str | None:
     return sent[0] if len(sent) == 1 and len(among) > 1 and not other else None
 
 
-def _input(content: Content, layout: Layout) -> Float | None:
-    """The source's signal, taken out of the receivers."""
+def _input(content: Content, layout: Layout, notes: list[str]) -> Float | None:
+    """The source's signal, taken out of the receivers, with a note where two may be meant."""
     wanted = layout.input
     if wanted is None:
         return None
@@ -217,10 +217,10 @@ def _input(content: Content, layout: Layout) -> Float | None:
         numbered = [j for j, number in enumerate(columns) if str(number) == as_number]
         at = named_as(text, labels) or (named_as(rest, labels) if kind == "heading" else [])
         if at and numbered and numbered != at:
-            raise RecordError(
-                f"--input {text}: is the number of the column headed {labels[numbered[0]]!r}, and "
-                f"the heading of column {columns[at[0]]}: say 'column {text}' or 'heading {text}'"
-            )
+            two = f"--input {text}: the column headed {labels[numbered[0]]!r} has that number, and "
+            two += f"column {columns[at[0]]} that heading"
+            at = [sent_first((numbered[0], at[0]), values, two, text)]
+            notes.append(f"{two}: column {columns[at[0]]}, which comes first, is what was sent")
         at = at or numbered
         if len(at) != 1:
             near = ", ".join(f"{c} {label!r}" for c, label in zip(columns, labels, strict=True))

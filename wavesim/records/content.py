@@ -13,6 +13,10 @@ from wavesim.records.units import Said, alike
 
 # More than this is no record that can be read off at once: 2 GB of float64.
 LARGEST = 250_000_000
+# Signals begin one after the other where this part of the record lies between.
+_CLEARLY = 0.02
+# A step is above half of its peak for this part of what follows its beginning.
+_STAYS = 0.9
 
 
 class RecordError(ValueError):
@@ -79,3 +83,34 @@ def check_size(shape: tuple[int, ...], name: str) -> None:
 def without_single_axes(array: NDArray[Any]) -> NDArray[Any]:
     """An array of three axes or more without those of one entry, which tell nothing."""
     return np.squeeze(array) if array.ndim > 2 else array
+
+
+def sent_first(columns: Sequence[int], values: NDArray[Any], said: str, text: str) -> int:
+    """Which of two columns is what was sent, the other what was received of it: it reaches half of
+    its peak first, or, where crosstalk comes at once, is over first, or is a step.
+
+    Args:
+        columns: their indices.
+        values: shape (nt, more).
+        said, text: for a message, why both may be meant, and what was asked for.
+
+    Raises:
+        RecordError: neither is clear.
+    """
+    unclear = RecordError(f"{said}: say 'column {text}' or 'heading {text}'")
+    if max(columns) >= values.shape[1]:
+        raise unclear
+    begun, over, stays = np.zeros((3, 2))
+    for k, j in enumerate(columns):
+        u = np.nan_to_num(values[:, j].astype(float))
+        size = np.abs(u - np.median(u[: max(4, len(u) // 50)]))
+        loud = np.flatnonzero(size >= size.max() / 2)
+        begun[k], over[k] = loud[[0, -1]] / len(u)
+        stays[k] = len(loud) / (len(u) - loud[0])
+    order = begun
+    if abs(begun[0] - begun[1]) <= _CLEARLY:
+        # A step stays; else what was sent is over sooner.
+        order = -stays if stays.max() > _STAYS else over
+    if not abs(order[0] - order[1]) > _CLEARLY:
+        raise unclear
+    return columns[int(np.argmin(order))]

@@ -286,7 +286,7 @@ def show_fit(console: Console, answer: dict[str, Any]) -> None:
         console.print(f"± is one standard error, what is not varied known {how}.", markup=False)
     for pair in answer["correlations"]:
         a, b = pair["keys"]
-        value = with_error(pair["told"], pair["told_error"])
+        value = with_error(pair["told"], pair["told_error"], "s" if a == "lag" else "")
         told = f"; told is {a} {pair['factor']:+.4g} × {b} = {value}"
         tied = f"Errors of {a} and {b} hang together: correlation {pair['value']:.4f}"
         console.print(f"{tied}{told}.", markup=False)

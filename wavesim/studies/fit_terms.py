@@ -23,9 +23,9 @@ Float = NDArray[Any]
 QUALITY = "quality_factor"
 # What is held is supposed to be known to this part of its size where it is not said.
 SUPPOSED = 0.01
-# So much left over of a record's rms, or of points, spoils what is fitted, where it is more than so
-# many times what the errors of what is held do.
-SPOILS, ALLOWED = 0.01, 2.0
+# What is left over spoils what is fitted where it is more than SPOILS, and more than so many times
+# what the errors of what is held do.
+ALLOWED = 2.0
 
 
 @dataclass(frozen=True)

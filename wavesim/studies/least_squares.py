@@ -38,7 +38,7 @@ _TOLD_BY_ONE, _BEGINNINGS = 0.5, 4
 # A flat valley may be followed for long: within this part of an error its end is reached.
 _FAR_WITHIN = 0.1
 # The spectrum of noise is a mean over so many bins 2π/T to either side.
-_BINS = 8
+_BINS = 2
 _MOST_EVALUATIONS = 60
 # A valley's bend is looked at within this part of an error.
 _WITHIN = 0.5
@@ -294,6 +294,9 @@ def _coloured(r: Float, slopes: Float, groups: NDArray[np.int_]) -> Float:
     noise = np.fft.fft(r.reshape(times, members), 2 * times, axis=0)
     heard = np.conj(np.fft.fft(slopes.reshape(times, members, p), 2 * times, axis=0))
     alive = int((r.reshape(times, members) != 0).any(axis=1).sum())
+    # What is fitted takes its part of the noise out of each frequency's residuals.
+    taken = np.sum(np.abs(heard) ** 2, axis=(1, 2)) / (members * times)
+    noise /= 1 - np.minimum(taken, _TOLD_BY_ONE)[:, None]
     shifts = range(-2 * _BINS, 2 * _BINS + 1)
     total = np.zeros((p, p))
     for shift in shifts:

@@ -25,8 +25,9 @@ from wavesim.case.load import Case
 from wavesim.material.dual import parameters
 from wavesim.material.medium import Medium
 from wavesim.readings.dispersion.points import BranchPoints
+from wavesim.readings.misfit import SPOILS
 from wavesim.records.point_table import ERRORS, read_points
-from wavesim.studies.fit_terms import ALLOWED, QUALITY, SPOILS, FitAnswer, Held, answered, targets
+from wavesim.studies.fit_terms import ALLOWED, QUALITY, FitAnswer, Held, answered, targets
 from wavesim.studies.least_squares import FitError
 
 KEYS = ("medium.K_n_a", "medium.stiffness_ratio")

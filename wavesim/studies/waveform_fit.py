@@ -21,7 +21,7 @@ from wavesim.case.load import Case
 from wavesim.layered.signals import contour_of, field_spectra
 from wavesim.material.dual import Dual, parameters, value_of
 from wavesim.planewave.band_edges import keeps_gradient
-from wavesim.readings.matched_record import Measured, resampling
+from wavesim.readings.matched_record import Measured, field_and_rates, resampling
 from wavesim.simulation.bandlimited import cross_correlation
 from wavesim.studies.fit_terms import QUALITY, Target, with_values
 from wavesim.studies.least_squares import Parameter, Solution, solve
@@ -66,7 +66,7 @@ class Waveforms:
         """Parameters of media, then the gain and the lag that are fitted."""
         found = [self._parameter(one) for one in self.varied]
         if self.gain is None:
-            found.append(Parameter(GAIN, 1.0, -np.inf, np.inf, 1.0, False))
+            found.append(Parameter(GAIN, self.unit, -np.inf, np.inf, self.unit, False))
         if self.lag is None:
             reach = REACH * self.case.simulation.duration
             found.append(Parameter(LAG, 0.0, -reach, reach, self.time_scale, False))
@@ -107,19 +107,20 @@ class Waveforms:
         found = self._at(values)
         frames, (*slopes, by_lag) = found.value, found.slopes
         gain, t, sim = self.scale_of(values), self._run_times(values), self.case.simulation
-        # Before its start the bar is at rest; after its end nothing is known.
-        inside = t <= sim.duration
+        # Before its start the bar is at rest; after its end nothing is known. Frames count less and
+        # less up to it: one that came in or went at once would hold a lag where it does.
+        counts = np.clip((sim.duration - t) / self.time_scale, 0.0, 1.0)
         W = resampling(sim.frames, sim.interval, t)
         columns = [gain * (W @ one) for one in slopes]
         there = W @ frames
         if self.gain is None:
-            columns.append(there * self.unit)
+            columns.append(there)
         if self.lag is None:
             columns.append(gain * (W @ by_lag))
         left = gain * there - self.measured.values
-        parts = [self._projected(part, inside) for part in (left, *columns)]
-        size = float(np.sqrt(np.mean(self._projected(self.measured.values, inside) ** 2)))
-        r, *J = (np.where(inside[:, None], part, 0.0).ravel() / size for part in parts)
+        parts = [self._projected(part, counts) for part in (left, *columns)]
+        size = float(np.sqrt(np.mean(self._projected(self.measured.values, counts) ** 2)))
+        r, *J = ((counts[:, None] * part).ravel() / size for part in parts)
         columns_of = np.stack(J, axis=1) if J else np.zeros((len(r), 0))
         return r, columns_of, np.repeat(np.arange(len(t)), left.shape[1])
 
@@ -140,8 +141,8 @@ class Waveforms:
         return there, self.measured.values - there
 
     def scale_of(self, values: Mapping[str, float]) -> float:
-        """The record's unit over the field's: the gain in full."""
-        return values[GAIN] * self.unit if self.gain is None else self.gain
+        """The record's unit over the field's."""
+        return values[GAIN] if self.gain is None else self.gain
 
     def _run_times(self, values: Mapping[str, float]) -> Float:
         """The record's times on the clock of the run, s."""
@@ -150,7 +151,7 @@ class Waveforms:
     @cached_property
     def _own(self) -> tuple[dict[str, float], Float]:
         """The case's own values, and its field at the receivers."""
-        first = {one.key: one.start for one in self.parameters}
+        first = {one.key: one.value_in(self.case.simulation.layers) for one in self.varied}
         return first, self.simulated(first)
 
     def beginning(self) -> dict[str, float]:
@@ -170,7 +171,7 @@ class Waveforms:
         if self.lag is None:
             first[LAG] = found[0]
         if self.gain is None:
-            first[GAIN] = found[1] / self.unit
+            first[GAIN] = found[1]
         return first
 
     def _laid_best(self, frames: Float, recorded: Float, lags: Float) -> tuple[float, float, float]:
@@ -205,9 +206,9 @@ class Waveforms:
         frames = self._own[1]
         return float(np.sqrt(np.mean(recorded**2)) / (np.sqrt(np.mean(frames**2)) or 1.0))
 
-    def _projected(self, values: Float, inside: NDArray[np.bool_]) -> Float:
+    def _projected(self, values: Float, counts: Float) -> Float:
         """Without each receiver's offset, and without high frequencies where that is asked for."""
-        values = values - values[inside].mean(axis=0)
+        values = values - counts @ values / (counts.sum() or 1.0)
         if not self.low_pass:
             return values
         f = np.fft.rfftfreq(2 * len(values), self.measured.interval)
@@ -244,8 +245,9 @@ def signals_of(
         layers, sim.bar.left, sim.bar.right, sim.sources,
         dict(zip(names, measured.positions, strict=True)), grid.omega, keeps_gradient(sim.layers),
     )  # fmt: skip
-    of_names = np.stack([found[name][measured.field] for name in names])
-    spectra = of_names * np.exp(1j * lag * grid.omega)
+    field, rates = field_and_rates(measured.field)
+    of_names = np.stack([found[name][field] for name in names])
+    spectra = of_names * np.exp(1j * lag * grid.omega) * (-1j * grid.omega) ** rates
     return Dual(*(grid.signal(part, sim.times) for part in (spectra.value, spectra.slopes))
                 ).transpose(1, 0)  # fmt: skip
 

@@ -37,6 +37,7 @@ from wavesim.readings.pulse.wave_packets import (
     LEAST_P_OVER_S,
     RIVAL,
     Packet,
+    breaking,
     endless,
     foot,
     hidden_by_noise,
@@ -185,6 +186,22 @@ def run_into(
         if likelihoods(both, delay, wanted.wave)[0] < RIVAL:
             return risen, math.nan
     return one.begins, risen
+
+
+def beside(
+    record: TransmissionRecord,
+    heard: Sequence[Packet],
+    at: Arrived,
+    distance: float,
+    delay: float,
+    wanted: Wanted,
+) -> float:
+    """How long after an arrival its wave may break as well, as another runs into it, in periods."""
+    own = breaking(heard, at.begins, record.period)
+    if own is None:
+        return 0.0
+    both = np.array(run_into(own, record, heard, distance, delay, wanted)) - at.begins
+    return float(both[np.argmax(np.abs(both))]) / record.period if np.isfinite(both).all() else 0.0
 
 
 def arrived(record: TransmissionRecord, begins: float, delays: Mapping[str, float]) -> Arrived:

@@ -128,6 +128,11 @@ def off_the_law(p: Float, velocity: Float, error: Float) -> Float:
 # Lines: of more packets than this only some are tried, two records of it are this part of the range
 # of ln p apart, a power is likely from here on, and two lines are this far apart in ln t.
 _MOST_CANDIDATES, _FAR, _LEAST_PRIOR, _DISTINCT, _MOST_LINES = 160, 0.3, 0.1, 0.1, 6
+# A power that is foreseen does not hold where no line of it has the direct waves of this part of
+# the records; then others do, so far from it, as one standard deviation.
+_BORNE_OUT, _ANY_POWER = 0.5, 0.4
+# A record that ends before a wave says neither for it nor against it: this much.
+_UNSEEN = 0.5
 # A packet should be seen where noise hides only what is smaller by this.
 _WELL_SEEN = 0.6
 
@@ -139,13 +144,15 @@ class Line:
     Attributes:
         y: shape (n,), t in s less the delay.
         packet: which of the record's packets it is, shape (n,); -1 where none is.
-        likely: mean over the records that show it of how likely it is the direct one, over the
-            likeliest line's there.
+        likely: mean over the records that show it, and could show the likeliest line's, of how
+            likely it is the direct one, over that one's there.
+        ended: whether a record shows none of it as it ends before, shape (n,).
     """
 
     y: Float
     packet: NDArray[np.int64]
     likely: float
+    ended: NDArray[np.bool_]
 
 
 def lines(
@@ -157,6 +164,7 @@ def lines(
     slope: tuple[float, float],
     sizes: Sequence[Float],
     hidden: Float,
+    last: Float,
 ) -> list[Line]:
     """Waves that obey a power law of their own through a series, the likeliest direct one first.
 
@@ -173,6 +181,7 @@ def lines(
         slope: the mean and the standard deviation of the power that is left beside ``foreseen``.
         sizes: of the packets, over the largest of their record.
         hidden: size up to which noise hides a packet in each record, shape (n,).
+        last: until when each record shows a packet, as ``times`` count, shape (n,).
 
     Returns:
         The lines; none where no power law is borne out by half of the records.
@@ -192,35 +201,46 @@ def lines(
     i, j = i[far], j[far]
     b = (y[i] - y[j]) / (x[record[i]] - x[record[j]])
     a = y[i] - b * x[record[i]]
+    near = np.abs(b - slope[0]) < max(slope[1], _ANY_POWER) * np.sqrt(-2 * np.log(_LEAST_PRIOR))
+    a, b = a[near], b[near]
     prior = np.exp(-(((b - slope[0]) / slope[1]) ** 2) / 2)
-    a, b, prior = (row[prior > _LEAST_PRIOR] for row in (a, b, prior))
+    prior = np.where(prior > _LEAST_PRIOR, prior, 0.0)
     starts = np.flatnonzero(np.r_[True, np.diff(record) > 0])
+    end = np.log(np.maximum(last, 1e-12)) - foreseen
 
     def scores(a: Float, b: Float) -> Float:
         """What each record says for lines, shape (lines, records that show anything)."""
         off = (y - a[:, None] - b[:, None] * x[record]) / reach
-        return np.maximum.reduceat(np.maximum(0.0, 1 - off**2) * w, starts, axis=1)
+        shown = np.maximum.reduceat(np.maximum(0.0, 1 - off**2) * w, starts, axis=1)
+        later = a[:, None] + b[:, None] * x[record[starts]] > end[record[starts]]
+        return np.maximum(shown, _UNSEEN * later)
 
-    def line(a: float, b: float, first: Float | None) -> tuple[Line, Float]:
+    def line(a: float, b: float, first: tuple[Float, Float] | None) -> tuple[Line, Float]:
         off = np.abs(y - a - b * x[record]) / reach
         packet, weight = np.full(n, -1), np.zeros(n)
         for low, high in zip(starts, [*starts[1:], len(y)], strict=True):
             at = low + int(np.argmax(np.maximum(0.0, 1 - off[low:high] ** 2) * w[low:high]))
             if off[at] < 1:
                 packet[record[at]], weight[record[at]] = place[at], w[at]
-        seen = packet >= 0
-        there = weight if first is None else first
+        ended = (a + b * x > end) & (packet < 0)
+        there, before = (weight, ended) if first is None else first
+        # A record that ends before the first does not show which of them it is.
+        seen = (packet >= 0) & ~before
         likely = float(weight[seen].sum() / max(there[seen].sum(), 1e-12)) if seen.any() else 0.0
-        return Line(a + b * x + foreseen, packet, likely), weight
+        return Line(a + b * x + foreseen, packet, likely, ended), weight
 
     if not len(a):
         return []
     parts = np.array_split(np.arange(len(a)), max(1, len(a) // 2000))
-    total = np.concatenate([scores(a[k], b[k]).sum(axis=1) * prior[k] for k in parts])
-    best = int(np.argmax(total))
+    each = np.concatenate([scores(a[k], b[k]).sum(axis=1) for k in parts])
+    best = int(np.argmax(each * prior))
+    if each[best] < _BORNE_OUT * len(starts) or not prior[best]:
+        # What is likely the direct wave in most records lies on no line of a power that is
+        # foreseen: soil that yields, or does not, has others.
+        best = int(np.argmax(each * np.exp(-(((b - slope[0]) / _ANY_POWER) ** 2) / 2)))
     own_a, own_b = float(a[best]), float(b[best])
     first, weight = line(own_a, own_b, None)
-    if (first.packet >= 0).sum() < max(FEWEST, 0.5 * n):
+    if (first.packet >= 0).sum() < max(FEWEST, 0.5 * (n - first.ended.sum())):
         return []
     found = [first]
     # Waves of one specimen grow with the same power: the others lie beside the first.
@@ -231,7 +251,7 @@ def lines(
     free = np.abs(beside - own_a) > apart
     while free.any() and len(found) < _MOST_LINES:
         at = float(beside[int(np.argmax(np.where(free, total, -1.0)))])
-        other, _ = line(at, own_b, weight)
+        other, _ = line(at, own_b, (weight, first.ended))
         seen = np.flatnonzero(other.packet >= 0)
         size = (
             float(np.median([sizes[k][other.packet[k]] for k in seen.tolist()]))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.power_law import PowerLaw, off_the_law, power_law
 from wavesim.readings.pulse.reading import Reading
+from wavesim.readings.pulse.wave_packets import RIVAL
 
 Float = NDArray[np.float64]
 
@@ -20,7 +21,7 @@ OFF = (
 
 
 TWO_WAVES = (
-    "under the same {} {} shows a wave {:.2f} times as fast, and others too: are P and S waves, or "
+    "under the same {} {} shows a wave {:.1f} times as fast, and others too: are P and S waves, or "
     "two set-ups, in one series? read those of each by themselves"
 )
 # Waves under one state are two where one takes so many times the other's time, as waves P and S do,
@@ -73,30 +74,44 @@ def of_one_law(
 
 def without_two_waves(
     readings: Sequence[Reading],
-    alone: Float,
+    slowness: Sequence[Float],
+    likely: Sequence[Float],
     parameter: str,
     p: Float,
 ) -> tuple[list[Reading], NDArray[np.bool_]]:
     """The same, less those of records that show waves of two speeds under the same states, and
     which these are.
 
+    Two records do where what is likeliest the direct wave of each is unlikely to be that of the
+    other, by the geometric mean of how likely.
+
     Args:
         readings, parameter, p: of the series.
-        alone: slowness of the wave that each record by itself surely shows as direct, s/m; NaN
-            where it shows none such.
+        slowness: of each record's packets by their tops, s/m.
+        likely: of each, how likely it is the direct one.
     """
     name, result, other = parameter.partition(" (")[0], list(readings), np.zeros(len(p), bool)
-    log = np.log(alone)
+    shown = [i for i, own in enumerate(likely) if len(own)]
+    log = [np.log(own) for own in slowness]
+    first = {i: float(log[i][np.argmax(likely[i])]) for i in shown}
+
+    def also(i: int, j: int) -> float:
+        """How likely the direct wave of record i is that of record j."""
+        near = np.abs(log[j] - first[i]) < np.log(_AS_P_AND_S)
+        return float(np.max(likely[j], initial=0.0, where=near))
+
     pairs = {}
-    for i in range(len(p)):
-        apart = np.where((p == p[i]) & np.isfinite(log), np.abs(log - log[i]), 0.0)
-        if np.nanmax(apart, initial=0.0) > np.log(_AS_P_AND_S):
-            pairs[i] = int(np.nanargmax(apart))
+    for i in shown:
+        apart = {
+            j: abs(first[j] - first[i])
+            for j in shown if p[j] == p[i] and also(i, j) * also(j, i) < RIVAL**2
+        }  # fmt: skip
+        if apart:
+            pairs[i] = max(apart, key=lambda j: apart[j])
     if len({float(p[i]) for i in pairs}) < _FEWEST_PAIRS:
         return result, other
     for i, j in pairs.items():
-        faster = float(alone[i] / alone[j])
-        why = TWO_WAVES.format(name, readings[j].file, faster)
+        why = TWO_WAVES.format(name, readings[j].file, np.exp(first[i] - first[j]))
         result[i] = replace(result[i], best=replace(result[i].best, valid=False, reason=why))
         other[i] = True
     return result, other

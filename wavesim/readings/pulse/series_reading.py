@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.common_crosstalk import without_common
 from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
-from wavesim.readings.pulse.one_receiver import NOTHING, arrived, run_into, settled, unheard
+from wavesim.readings.pulse.one_receiver import NOTHING, arrived, beside, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import FEWEST, Line, lines
 from wavesim.readings.pulse.reading import OF_ONE, UNKNOWN, Reading, Wanted
 from wavesim.readings.pulse.series import (
@@ -23,7 +24,6 @@ from wavesim.readings.pulse.series import (
     in_noise,
     in_order,
     of_another_set_up,
-    surely_direct,
 )
 from wavesim.readings.pulse.series_law import Series, law_of, of_one_law, without_two_waves
 from wavesim.readings.pulse.signals import PulseError, check_distance
@@ -34,7 +34,6 @@ from wavesim.readings.pulse.wave_packets import (
     TELLING,
     Packet,
     begun_before,
-    breaking,
     hidden_by_noise,
     hides_two,
     likelihoods,
@@ -170,16 +169,19 @@ def _read(
     period = np.array([one.period for one in records])
     likely = [likelihoods(one, delay, wanted.wave) for one in heard]
     other = of_another_set_up(found, heard, likely, delay, period)
+    ended = waves[0].ended if waves else np.zeros(count, bool)
     each = [
-        replace(one, reason=(_at_end(r, one.begins, 1.0) or ANOTHER) if no else one.reason)
-        for r, one, no in zip(records, each, other, strict=True)
-    ]
+        replace(one, reason=_at_end(r, math.inf, 0.0) if over
+                else (_at_end(r, one.begins, 1.0) or ANOTHER) if no else one.reason)
+        for r, one, no, over in zip(records, each, other, ended, strict=True)
+    ]  # fmt: skip
+    other |= ended
     parts = [left_open(*own, delays) for own in zip(records, heard, each, strict=True)]
     # What a set-up leaves open it leaves open in most of its records, as many periods of each.
     open_ = np.array([[part for part, _ in own] for own in parts]) / period[:, None]
     usual = np.median(open_, axis=0) * period[:, None]
-    beside = float(np.median([
-        _beside(one, packet, at, float(d), delay, wanted)
+    as_well = float(np.median([
+        beside(one, packet, at, float(d), delay, wanted)
         for one, packet, at, d in zip(records, heard, each, L, strict=True)
     ]))  # fmt: skip
     readings = [
@@ -190,7 +192,7 @@ def _read(
             [(o, note) for o, (_, note) in zip(own, part, strict=True)],
             float(d),
             delays,
-            [t + delay for t in others] + ([at.begins + beside * one.period] if beside else []),
+            [t + delay for t in others] + ([at.begins + as_well * one.period] if as_well else []),
             wanted,
         )
         for one, packet, at, own, part, d, others in zip(
@@ -200,25 +202,9 @@ def _read(
     if stress:
         readings, off = of_one_law(readings, parameter, p)
         other = other | off
-    shown = surely_direct(records, heard, likely, delay) / L
-    readings, two = without_two_waves(readings, shown, parameter, p)
+    slowness = [t / d for t, d in zip(_times(records, heard, delay), L, strict=True)]
+    readings, two = without_two_waves(readings, slowness, likely, parameter, p)
     return readings, Series(parameter, p, law_of(readings, p)), other | two
-
-
-def _beside(
-    record: TransmissionRecord,
-    heard: Sequence[Packet],
-    at: Arrived,
-    distance: float,
-    delay: float,
-    wanted: Wanted,
-) -> float:
-    """How long after an arrival its wave may break as well, as another runs into it, in periods."""
-    own = breaking(heard, at.begins, record.period)
-    if own is None:
-        return 0.0
-    both = np.array(run_into(own, record, heard, distance, delay, wanted)) - at.begins
-    return float(both[np.argmax(np.abs(both))]) / record.period if np.isfinite(both).all() else 0.0
 
 
 def _direct_of_each(
@@ -233,11 +219,7 @@ def _direct_of_each(
 ) -> tuple[list[int | None], list[Line]]:
     """Which packet of each record is the direct one, and the waves that are seen in the series."""
     likely = [likelihoods(own, delay, wanted.wave) for own in heard]
-    # Tops are surer than breaks, which a smaller wave ahead may draw to itself.
-    times = [
-        np.array([max(q.top - one.period / 2 - delay, 1e-12) for q in packet])
-        for one, packet in zip(records, heard, strict=True)
-    ]
+    times = _times(records, heard, delay)
     away = np.array([
         max(_OFF_LINE, _SAME * r.period / float(np.median(t))) if len(t) else _OFF_LINE
         for r, t in zip(records, times, strict=True)
@@ -245,7 +227,9 @@ def _direct_of_each(
     waves = lines(times, likely, p, foreseen, np.minimum(away, 2 * _OFF_LINE),
                   _POWER_LEFT if grows else _ANY_POWER,
                   [np.array([q.size for q in own]) for own in heard],
-                  np.array([hidden_by_noise(one) for one in records]))  # fmt: skip
+                  np.array([hidden_by_noise(one) for one in records]),
+                  np.array([one.t[-1] - one.start - one.period - delay for one in records])
+                  )  # fmt: skip
     if not waves:
         alone = [int(np.argmax(one)) if len(one) else None for one in likely]
         return alone, []
@@ -262,6 +246,19 @@ def _direct_of_each(
         for one, packet, k in zip(records, heard, seen, strict=True)
     ]
     return (seen if all(k is None for k in alone) else alone), waves
+
+
+def _times(
+    records: Sequence[TransmissionRecord], heard: Sequence[list[Packet]], delay: float
+) -> list[Float]:
+    """When packets of each record arrive by their tops, which are surer than breaks, as a smaller
+    wave ahead may draw those to itself; by the break where the record does not reach the top; s."""
+    return [
+        np.array([
+            max((q.top - one.period / 2 if q.whole else q.begins) - delay, 1e-12) for q in packet
+        ])
+        for one, packet in zip(records, heard, strict=True)
+    ]  # fmt: skip
 
 
 def _rivals(
