@@ -68,7 +68,9 @@ GOOD = {
 }
 
 
-@pytest.mark.parametrize("seed, speed, loss", [(13, 3000, 20), (27, 4000, 10), (45, 4000, 10)])
+@pytest.mark.parametrize(
+    ("seed", "speed", "loss"), [(13, 3000, 20), (27, 4000, 10), (45, 4000, 10)]
+)
 def test_a_source_among_receivers_whose_arrivals_are_doubtful_is_no_order(seed, speed, loss):
     """Law: put in the order of their distances to it they make one wave, as they do where they
     stand with those distances."""
