@@ -50,6 +50,17 @@ def test_what_breaks_off_at_all_receivers_at_once_is_no_wave(how):
         record(u, T[: len(u)] if len(u) <= len(T) else 5e-7 * np.arange(len(u)), X)
 
 
+@pytest.mark.parametrize("frames", [16, 24])
+@pytest.mark.parametrize("count", [4, 16])
+def test_blocks_of_frames_that_change_places_break_off_three_times(frames, count):
+    """As packets that come in another order: one break is near another."""
+    own, at = np.arange(len(T)), 90 - frames
+    own[at : at + 2 * frames] = np.roll(own[at : at + 2 * frames], frames)
+    u = line(x=X[:count])
+    with pytest.raises(RecordError, match="break off at once"):
+        record(u[own], T, X[:count])
+
+
 def test_a_ring_that_loses_a_frame_is_refused():
     """Standing waves of all wavenumbers, c = 2000 m/s."""
     x, t = np.arange(32) * 1e-3, np.arange(500) * 2e-7

@@ -183,10 +183,28 @@ def test_a_thermal_chain_has_one_branch(thermal):
     assert 1000 < np.median(own.error) < 8000
 
 
-def test_harmonic_inversion_says_that_lines_are_random(thermal):
-    found = in_time(thermal, method="harmonic")
+@pytest.mark.parametrize("coherent", [2.0, 10.0, 20.0])
+def test_harmonic_inversion_says_that_lines_are_random(coherent):
+    """Many sinusoids crowd under a random line of a few 2π/T; of one that is broader, a sinusoid or
+    two leave a fifth and more, as they leave of no line that only decays."""
+    found = in_time(heated(2, coherent, 24, 1500), method="harmonic")
     assert not found.valid.any()
     assert any("broad and random" in reason for reason in found.reason)
+
+
+def test_free_waves_that_decay_as_fast_are_sinusoids():
+    """Lines as broad as random ones, of waves that nothing drives: ω = 10⁶ |sin(ka/2)|, γT = 10."""
+    rng, x, t = np.random.default_rng(3), np.arange(24) * 1e-3, np.arange(1500) * 5e-7
+    k = 2 * np.pi * np.arange(1, 12) / 0.024
+    omega = 1e6 * np.sin(k * 5e-4)
+    u = np.zeros((1500, 24))
+    for sign in (1, -1):
+        waves = np.exp(1j * (sign * np.outer(k, x) + rng.uniform(0, 6.28, (len(k), 1))))
+        u += (np.exp(-np.outer(t, 1j * omega + 10 / t[-1])) @ waves).real
+    found = in_time(record(u + 1e-3 * rng.normal(size=u.shape), t, x, ring=True, lattice=True))
+    own = found.take(found.valid)
+    assert len(own) >= 10
+    assert np.mean(np.abs(own.omega - 1e6 * np.sin(own.k * 5e-4)) <= own.bar) >= 0.9
 
 
 def test_a_wave_of_the_mains_frequency_is_no_hum():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, get_window, lfilter
 
+from wavesim.records.faults.hum import hum_at_rest
 from wavesim.records.files import Layout, from_arrays
 from wavesim.records.fitness import for_k_at_frequency
 from wavesim.records.inspection import inspect
@@ -158,6 +159,13 @@ def test_hum_is_taken_out_at_four_samples_to_its_period():
     hum = 0.2 * np.sin(2 * np.pi * 50 * t + 0.3)[:, None]
     found = from_arrays({"t": t, "x": x, "values": clean + hum})
     assert np.abs(found.values - clean).max() < 0.01
+
+
+def test_a_tone_at_a_nyquist_frequency_just_below_the_mains_is_no_hum():
+    """A part of a second sampled at 98 Hz, 49 Hz at most."""
+    t = np.arange(60) / 98.0
+    v = np.cos(2 * np.pi * 48.0 * t + 0.3)
+    assert hum_at_rest(v, t, np.ones(len(t), bool), 1.0) is None
 
 
 @pytest.mark.parametrize(("mains", "step"), [(50, 1e-3), (60, 2e-3)])

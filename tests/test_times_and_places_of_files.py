@@ -5,6 +5,7 @@ The law: u(t, x) = sin(ω(t − x/c)), held against what is read.
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import wavfile
@@ -51,6 +52,17 @@ def test_spans_of_time_as_pandas_writes_them_keep_their_zero(tmp_path):
 )
 def test_a_quantity_as_a_function_of_place_says_one(heading, said):
     assert position_in(heading) == said
+
+
+@pytest.mark.parametrize("unit", ["angstrom", "Å", "\u212b", "Angstroms"])
+def test_atoms_stand_angstroms_apart_and_move_in_femtoseconds(unit, tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["v"] = U
+        for name, stored, of in (("time", T * 1e15, "fs"), ("x", X * 1e10, unit)):
+            file.create_dataset(name, data=stored).attrs["units"] = of
+    found = read(tmp_path / "a.h5")
+    assert found.t == pytest.approx(T, abs=1e-18)
+    assert found.x == pytest.approx(X)
 
 
 def test_a_name_of_a_place_with_a_unit_of_length_is_of_positions(tmp_path):

@@ -17,6 +17,7 @@ TIME = (
     {f"{p}{s}": f for p, f in _SMALL.items() for s in ("s", "sec", "secs")}
     | {f"{p}{s}": f for p, f in _WORDS.items() for s in _SECONDS}
     | dict.fromkeys(("s", "sec", "secs", "sek"), 1.0)
+    | dict.fromkeys(("fs", "femtosecond", "femtoseconds"), 1e-15)
     | {"с": 1.0, "сек": 1.0, "мс": 1e-3, "мкс": 1e-6, "нс": 1e-9}
     | {"min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hour": 3600.0, "hours": 3600.0}
 )
@@ -27,6 +28,8 @@ LENGTH = (
     | {"centimetres": 1e-2, "dm": 0.1, "km": 1e3, "kilometer": 1e3, "kilometre": 1e3}
     | {"micron": 1e-6, "microns": 1e-6, "in": 0.0254, "inch": 0.0254, "inches": 0.0254}
     | {"м": 1.0, "см": 1e-2, "мм": 1e-3, "мкм": 1e-6}
+    # Simulations of atoms; Å is written by two characters that look alike.
+    | dict.fromkeys(("Å", "\u212b", "å", "angstrom", "angstroms", "ångström", "ångströms"), 1e-10)
     | {"ft": 0.3048, "feet": 0.3048, "foot": 0.3048}
 )
 # Said by a unit row or a bracket, these tell that a column is neither times nor positions.

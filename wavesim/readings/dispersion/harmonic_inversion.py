@@ -145,7 +145,8 @@ def _search(series: Float, settings: Settings) -> Iterator[tuple[np.ndarray, Sin
         if stops.any():
             if last is not None:
                 ended = report(_take(last, stops), series[rows[stops]], rows[stops], settings)
-                yield rows[stops], replace(ended, settled=~goes_on[stops], broad=broad[stops])
+                broad = broad[stops] | ended.broad
+                yield rows[stops], replace(ended, settled=~goes_on[stops], broad=broad)
             rows, peak, size = rows[~stops], peak[~stops], size[~stops]
             omega, decay, strongest = omega[~stops], decay[~stops], strongest[~stops]
         if not len(rows):

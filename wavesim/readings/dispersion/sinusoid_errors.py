@@ -12,6 +12,9 @@ from wavesim.readings.dispersion.sinusoids import Fit, Float, exponentials, tran
 
 # Noise close to a frequency is the residual's between these many bins from it.
 _NEAR = (2.0, 12.0)
+# A line is random where this part of its power within so many bins is no sinusoid's, and so many
+# times the noise's.
+_RANDOM, _LINE_BINS, _OVER_NOISE = 0.2, 6.0, 10.0
 # Sinusoids closer than this part of a bin, or less sure than this, are not told apart.
 _CLOSEST_BINS = 0.05
 # Noise goes with the signal where it is heard more by so many deviations of that ratio.
@@ -61,8 +64,8 @@ class Sinusoids:
         residual: part of each series' power that no sinusoid explains, shape (n,).
         bends: how far from straight ln y is beside one sinusoid's, 1/s².
         settled: whether no further peak was left in the series, shape (n,).
-        broad: whether many sinusoids crowd about its strongest, as under a line that is broad and
-            random, shape (n,).
+        broad: whether many sinusoids crowd about its strongest, or leave much of its line, as of
+            one that is broad and random, shape (n,).
     """
 
     series: np.ndarray
@@ -162,8 +165,31 @@ def report(found: Fit, series: Float, rows: np.ndarray, settings: Settings) -> S
         (resolved & (norm > 4 * amplitude_error)).ravel(),
         np.mean(found.residual**2, axis=(1, 2)) / np.mean(series**2, axis=(1, 2)),
         np.ones(n, bool),
-        np.zeros(n, bool),
+        _leaves_much(series * settings.window, power, distance, norm, settings),
     )
+
+
+def _leaves_much(
+    series: Float, left: Float, distance: Float, norm: Float, settings: Settings
+) -> np.ndarray:
+    """Whether much of the line of each series' strongest sinusoid is no sinusoid, shape (n,).
+
+    Args:
+        series: windowed, shape (n, C, N).
+        left: power of what is left of it, over Σ w², shape (n, C, nω).
+        distance: of all frequencies from the sinusoids, in bins, shape (n, p, nω).
+    """
+    strongest = distance[np.arange(len(norm)), norm.argmax(axis=1)]
+    near = (strongest < _LINE_BINS)[:, None]
+    noise = np.median(left, axis=-1) / np.log(2)
+    part = np.sum(left * near, axis=(1, 2))
+    loud = part > _OVER_NOISE * np.sum(noise * near.sum(axis=-1), axis=1)
+    much = np.zeros(len(norm), bool)
+    if loud.any():
+        hat = rfft(series[loud], settings.padded, axis=-1)
+        power = (hat.real**2 + hat.imag**2) / np.sum(settings.window**2)
+        much[loud] = part[loud] > _RANDOM * np.sum(power * near[loud], axis=(1, 2))
+    return much
 
 
 def _in_step(found: Fit, count: int) -> Float:

@@ -15,6 +15,7 @@ from wavesim.records.faults.clipping import clipped, tell_processed, without_stu
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.filled_in import without_filled_in
+from wavesim.records.faults.filtered import check_unfiltered
 from wavesim.records.faults.finding import TAKEN_OUT, TOLD, WIDENED, Finding, places
 from wavesim.records.faults.frame_times import check_clock, check_goes_on, held_alone, once_each
 from wavesim.records.faults.hum import without_early_hum
@@ -76,6 +77,8 @@ def samples(
         without_lines(component, t, x, labels, found)
     if _noisy(values):
         tell_processed(values, flat, quantum, found)
+        for component in values if not slower.any() and held == 1 else ():
+            check_unfiltered(component)
     values = without_stuck(values, t, x, labels, quantum, found)
     values = without_filled_in(values, t, x, labels, found)
     values = without_spikes(values, t, x, labels, flat, found)

@@ -28,6 +28,8 @@ _SAMPLES = 2**22
 # What is off there is so many times noise and, of one, of all, what is within so many frames; at
 # receivers at rest no more than by chance; and, unlike a pick-up, no one sign at all.
 _OFF, _ONE, _ALL, _WITHIN, _AT_REST, _ALIKE = 15.0, 8.0, 40.0, 21, 0.25, 0.5
+# Two blocks of frames that change places break at so many times.
+_BREAKS = 3
 # It is midway between frames, to this part, and of receivers by so many frames at one time.
 _BETWEEN, _COPIED, _ONE_TIME = 0.25, 0.04, 0.6
 # Deviations that receivers share along their slopes are this part of what they would be if nothing
@@ -129,7 +131,9 @@ def check_goes_on(u: Float, t: Float) -> None:
     # Between frames i and i + 1: of the equations that hold both, and of frames before and behind.
     i = np.arange(side + _ABOUT, count - side - _ABOUT)
     wrong = _sums(off**2, i - 2 * side + 1, 2 * side)
-    near = scipy.ndimage.maximum_filter1d(wrong, _WITHIN, axis=0, mode="constant")
+    near = scipy.ndimage.maximum_filter1d(
+        _without_breaks(wrong, 2 * side), _WITHIN, axis=0, mode="constant"
+    )
     away = 2 * side + _WITHIN // 2
     near = np.maximum(np.roll(near, away, axis=0), np.roll(near, -away, axis=0))
     power = [_sums(u**2, a, _ABOUT) / _ABOUT - (_sums(u, a, _ABOUT) / _ABOUT) ** 2
@@ -233,6 +237,17 @@ def _deviations(u: Float) -> tuple[Float, Float, Float]:
         each = np.sum(off**2, axis=0)
         hears = each <= _DEAF * np.median(each)
     return u, off, c
+
+
+def _without_breaks(wrong: Float, wide: int) -> Float:
+    """Deviations, shape (n, nx), without those of the greatest few in time: of blocks of frames
+    that are exchanged one break is near another."""
+    left, total = wrong.copy(), np.sum(wrong / np.maximum(wrong.max(axis=0), 1e-300), axis=1)
+    for _ in range(_BREAKS):
+        at = int(np.argmax(total))
+        own = slice(max(at - wide, 0), at + wide + 1)
+        left[own], total[own] = 0.0, 0.0
+    return left
 
 
 def _at_once(off: Float, at: int) -> bool:

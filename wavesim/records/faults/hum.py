@@ -153,7 +153,8 @@ def _mains(v: Float, t: Float, own: Mask) -> tuple[float, float, Float] | None:
         all_of_it = v[own], t[own] - t[0]
         f = _vertex(tried, np.array([_fitted(*all_of_it, g, most)[0] for g in tried]))
         power, found = _fitted(*all_of_it, f, most)
-        if best is None or power < best[0]:
+        # Of one that is above the Nyquist frequency nothing is left to fit.
+        if len(found) > 1 and (best is None or power < best[0]):
             wave = _tones(t - t[0], f, most)[:, 1:] @ found[1:]
             best = power, float(np.hypot(found[1], found[2])), wave
     return best
