@@ -79,7 +79,7 @@ def _bursts(component: Float) -> list[tuple[int, slice]]:
         noise = 1.4826 * np.nanmedian(off, axis=0)
         hot = off > np.maximum(_OVER_NOISE * noise, _PART * np.nanmax(np.abs(component), axis=0))
     found = []
-    for j in np.flatnonzero(hot.any(axis=0) & (noise > 0)):
+    for j in map(int, np.flatnonzero(hot.any(axis=0) & (noise > 0))):
         column = np.nan_to_num(component[:, j])
         about = np.pad(column, _ABOUT // 2, mode="edge")
         rough = hot[:, j] & (off[:, j] > _ROUGH * sliding_window_view(about, _ABOUT).std(axis=-1))
@@ -91,7 +91,7 @@ def _bursts(component: Float) -> list[tuple[int, slice]]:
                 continue
             swing = float(np.std(column[at]))
             if np.sqrt(np.mean(off[at, j] ** 2)) > _ROUGH_ALL * swing:
-                found.append((int(j), slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)))
+                found.append((j, slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)))
     # At many receivers at once it came from without, or is the wave.
     taken = np.zeros((nt, nx), bool)
     for j, part in found:
