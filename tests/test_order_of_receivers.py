@@ -68,6 +68,19 @@ GOOD = {
 }
 
 
+@pytest.mark.parametrize(
+    ("seed", "speed", "loss"), [(13, 3000, 20), (27, 4000, 10), (45, 4000, 10)]
+)
+def test_a_source_among_receivers_whose_arrivals_are_doubtful_is_no_order(seed, speed, loss):
+    """Law: put in the order of their distances to it they make one wave, as they do where they
+    stand with those distances."""
+    x = 0.02 + 0.005 * np.arange(24)
+    away = np.abs(x - x[12] + 0.002)
+    u = passing(away, speed) * np.exp(-loss * away)
+    noise = np.random.default_rng(seed).standard_normal(u.shape)
+    record(u + 0.03 * np.abs(u).max() * noise, T, x)
+
+
 @pytest.mark.parametrize("field", GOOD)
 def test_receivers_in_order_are_never_told_to_be_out_of_it(field):
     for n in (6, 9, 12):

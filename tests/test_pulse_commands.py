@@ -215,6 +215,8 @@ def test_a_heading_that_is_a_number_is_taken_for_a_column_where_that_is_said_or_
     crosstalk = np.column_stack([t, ricker(0.0), 0.1 * ricker(4e-4) + 0.2 * ricker(0.0)])
     assert sent_first((1, 2), crosstalk, "", "2") == 1
     assert sent_first((2, 1), crosstalk, "", "2") == 1
+    crosstalk[:, 1] = t > 8e-5  # a step
+    assert sent_first((1, 2), crosstalk, "", "2") == 1
     table[:, 2] = table[:, 1]
     np.savetxt(path, table, "%.8e", ",", header="x-axis,1,2\nsecond,Volt,Volt", comments="")
     refused = pulse(path, "--input", "2", *asked)

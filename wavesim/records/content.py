@@ -15,6 +15,8 @@ from wavesim.records.units import Said, alike
 LARGEST = 250_000_000
 # Signals begin one after the other where this part of the record lies between.
 _CLEARLY = 0.02
+# A step is above half of its peak for this part of what follows its beginning.
+_STAYS = 0.9
 
 
 class RecordError(ValueError):
@@ -85,7 +87,7 @@ def without_single_axes(array: NDArray[Any]) -> NDArray[Any]:
 
 def sent_first(columns: Sequence[int], values: NDArray[Any], said: str, text: str) -> int:
     """Which of two columns is what was sent, the other what was received of it: it reaches half of
-    its peak first, or, where crosstalk comes at once, is over first.
+    its peak first, or, where crosstalk comes at once, is over first, or is a step.
 
     Args:
         columns: their indices.
@@ -98,16 +100,17 @@ def sent_first(columns: Sequence[int], values: NDArray[Any], said: str, text: st
     unclear = RecordError(f"{said}: say 'column {text}' or 'heading {text}'")
     if max(columns) >= values.shape[1]:
         raise unclear
-    spans = []
-    for j in columns:
+    begun, over, stays = np.zeros((3, 2))
+    for k, j in enumerate(columns):
         u = np.nan_to_num(values[:, j].astype(float))
         size = np.abs(u - np.median(u[: max(4, len(u) // 50)]))
-        spans.append(np.flatnonzero(size >= size.max() / 2)[[0, -1]])
-    begun, over = (np.array(spans)[:, k] / len(values) for k in (0, 1))
-    if abs(begun[0] - begun[1]) > _CLEARLY:
-        return columns[int(np.argmin(begun))]
-    # A step stays, and says no more.
-    clear = abs(over[0] - over[1]) > _CLEARLY and over.max() < 1 - _CLEARLY
-    if not clear:
+        loud = np.flatnonzero(size >= size.max() / 2)
+        begun[k], over[k] = loud[[0, -1]] / len(u)
+        stays[k] = len(loud) / (len(u) - loud[0])
+    order = begun
+    if abs(begun[0] - begun[1]) <= _CLEARLY:
+        # A step stays; else what was sent is over sooner.
+        order = -stays if stays.max() > _STAYS else over
+    if not abs(order[0] - order[1]) > _CLEARLY:
         raise unclear
-    return columns[int(np.argmin(over))]
+    return columns[int(np.argmin(order))]

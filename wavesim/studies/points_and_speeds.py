@@ -252,6 +252,7 @@ def of_points(
             "more is left over than the points' errors: they are held against the endless medium, "
             "and a simulated record's grid, or another medium, puts them off; the errors hold what "
             "that could move"
+            + (", but errors of what is held only as far as --held says" if known_to else "")
         )
     return answered(
         "points",

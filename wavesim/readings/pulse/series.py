@@ -27,7 +27,7 @@ from wavesim.readings.pulse.power_law import FEWEST
 from wavesim.readings.pulse.sent_signal import sent_period
 from wavesim.readings.pulse.transmission_record import HEARD, TransmissionRecord
 from wavesim.readings.pulse.travel_time import top_of
-from wavesim.readings.pulse.wave_packets import RIVAL, Packet, breaks_about
+from wavesim.readings.pulse.wave_packets import LEAST_P_OVER_S, RIVAL, Packet, breaks_about
 
 Float = NDArray[Any]
 
@@ -59,8 +59,9 @@ LEAST_CORRELATION = 0.4
 # A record is of another set-up where what was followed is no likely direct wave of its own, as in
 # most records of the series it is; it then correlates less with its neighbours, by so much.
 _LIKELY, _LESS = 0.5, 0.05
-# … or not at all, where no more than this part of the records show the wave as less than likely.
-_FEW_OFF = 0.2
+# … or not at all, where no more than this part of the records show the wave as less than likely,
+# and a wave so many times as loud, which is no part of it, is the likely one.
+_FEW_OFF, _LOUDER = 0.2, 2.0
 # A wave moves through a series by so many periods at least, where crosstalk does not.
 MOVES = 1.5
 # Speed grows as this power of a stress in grains: Hertz's contact gives 1/6 to 1/4 and more.
@@ -222,21 +223,27 @@ def of_another_set_up(
         delay: of the system, s.
         period: of each record's central frequency, shape (n,), s.
     """
-    own = np.full(len(heard), np.nan)
+    own, louder = np.full(len(heard), np.nan), np.zeros(len(heard), bool)
     for i, (packets, weights) in enumerate(zip(heard, likely, strict=True)):
         begins, T = float(found.time[i]) + delay, float(period[i])
         there = [abs(one.begins - begins) < _APART * T or breaks_about(one, begins, T)
                  for one in packets]  # fmt: skip
         if packets:
             own[i] = np.max(weights, initial=0.0, where=np.array(there))
+            first = packets[int(np.argmax(weights))]
+            size = max(
+                (one.size for one, yes in zip(packets, there, strict=True) if yes), default=1
+            )
+            away = abs(np.log(max(first.begins - delay, 1e-12) / found.time[i]))
+            louder[i] = first.size > _LOUDER * size and away > np.log(LEAST_P_OVER_S)
     shown = own[np.isfinite(own)]
     if not len(shown) or np.median(shown) <= _LIKELY:
         return np.zeros(len(heard), bool)
     odd = (own < RIVAL) & (found.correlation < np.median(found.correlation) - _LESS)
     if np.sum(shown < _LIKELY) <= _FEW_OFF * len(shown):
         # What was followed may be a copy of the wave that went another way, and correlate as well:
-        # where the others show it as the direct one, that a packet here is not says enough.
-        odd |= (own > 0) & (own < RIVAL)
+        # where the others show it as the direct one, that a louder wave is that here says enough.
+        odd |= (own < RIVAL) & louder
     return odd
 
 

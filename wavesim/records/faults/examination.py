@@ -12,6 +12,7 @@ from wavesim.records.faults import quantisation
 from wavesim.records.faults.baseline import without_baseline
 from wavesim.records.faults.channels import Mended, misfits
 from wavesim.records.faults.clipping import clipped, tell_processed, without_stuck
+from wavesim.records.faults.dropouts import without_bursts
 from wavesim.records.faults.duplicates import clocks, duplicates
 from wavesim.records.faults.fill_values import unwrapped, without_fill, without_spikes
 from wavesim.records.faults.filled_in import without_filled_in
@@ -62,6 +63,7 @@ def samples(
     values, t, held = once_each(values, t, found)
     slower = held_alone(values, x, labels, found) if not ring else np.zeros(len(x), bool)
     values = without_fill(unwrapped(values, found), t, x, labels, found)
+    values = without_bursts(values, t, x, labels, found)
     quantum = quantisation.quanta(values)
     # A gap is as broad in frequency as noise.
     whole = bool(np.isfinite(values).all())

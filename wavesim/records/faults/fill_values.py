@@ -211,15 +211,21 @@ def without_spikes(
     return values
 
 
-def _spikes(component: Float, coarse: bool) -> Mask:
-    nt = len(component)
-    marked = np.zeros(component.shape, bool)
-    # Off the cubic through two neighbours on either side; one bad sample spoils those two off.
+def off_cubic(component: Float) -> Float:
+    """How far samples are off the cubic through two neighbours on either side, shape (nt, nx);
+    one bad sample spoils those two off."""
     left = np.zeros(component.shape)
     left[2:-2] = (
         component[2:-2]
         - (4 * (component[1:-3] + component[3:-1]) - component[:-4] - component[4:]) / 6
     )
+    return left
+
+
+def _spikes(component: Float, coarse: bool) -> Mask:
+    nt = len(component)
+    marked = np.zeros(component.shape, bool)
+    left = off_cubic(component)
     off = np.abs(left)
     with np.errstate(invalid="ignore"):
         noise = 1.4826 * np.nanmedian(off, axis=0)

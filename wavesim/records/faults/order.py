@@ -29,8 +29,10 @@ _FEWEST = 4
 _SEEN, _LESS, _STEP = 0.8, 0.5, 0.25
 # … and this part of those that move come nearer to the line.
 _NEARER = 0.8
-# A source is looked for at so many places for each receiver, and at so many; so many are listed.
-_PLACES, _MOST_PLACES, _LISTED = 8, 512, 8
+_APART = 1e-6
+# A source is looked for at so many places for each receiver, and at so many, of which so many are
+# likely; so many receivers are listed.
+_PLACES, _MOST_PLACES, _LIKELY, _LISTED = 8, 512, 12, 8
 
 
 def check_order(
@@ -60,7 +62,8 @@ def check_order(
         moved = order != np.arange(len(order))
         if moved.sum() < max(fewest, 1):
             continue
-        if not few_waves_alone(given[:, order], given, t, x[own], rest, own):
+        away = _from_likely_sources(times[own], x[own])
+        if not few_waves_alone(given[:, order], given, t, x[own], rest, own, away):
             continue
         listed = ", ".join(str(j + 1) for j in mended.order[own][order][:_LISTED])
         raise RecordError(
@@ -104,8 +107,20 @@ def _order_of_travel(times: Float, x: Float) -> NDArray[np.int64]:
 
 def _from_a_source(times: Float, x: Float) -> float:
     """What arrivals from a source anywhere leave, by distance to both sides, Σ of squares, s²."""
-    places = np.linspace(x[0], x[-1], min(_PLACES * len(x), _MOST_PLACES))
-    return float(_left(times, np.abs(x - places[:, None]))[0].min())
+    return float(_left(times, np.abs(x - _places(x)[:, None]))[0].min())
+
+
+def _from_likely_sources(times: Float, x: Float) -> Float:
+    """Distances to the places among the receivers that arrivals are most like coming from, times
+    far off counting little, shape (n, nx), m."""
+    away = np.abs(x - _places(x)[:, None])
+    _, slope = _left(times, away)
+    off = times - slope[:, None] * away
+    return away[np.argsort(np.abs(off - np.median(off, axis=1)[:, None]).sum(axis=1))[:_LIKELY]]
+
+
+def _places(x: Float) -> Float:
+    return np.linspace(x[0], x[-1], min(_PLACES * len(x), _MOST_PLACES))
 
 
 def _with_a_late_side(times: Float, x: Float) -> float:
@@ -128,7 +143,13 @@ def _left(times: Float, away: Float) -> tuple[Float, Float]:
 
 
 def few_waves_alone(
-    right: Float, given: Float, t: Float, x: Float, rest: Rest, own: NDArray[np.int64]
+    right: Float,
+    given: Float,
+    t: Float,
+    x: Float,
+    rest: Rest,
+    own: NDArray[np.int64],
+    away: Float | None = None,
 ) -> bool:
     """Whether few waves leave far less of a field put right than of it as it was given.
 
@@ -136,15 +157,25 @@ def few_waves_alone(
         right, given: of receivers at x, shape (nt, nx), of which some differ.
         t, x: times, s, and places, ascending, m.
         rest: of all channels; own are those, shape (nx,).
+        away: distances from sources that may stand among the receivers, shape (n, nx), m: waves
+            go from there to both sides.
     """
     differs = np.cumsum(np.append(0, (right != given).any(axis=0)))
     starts = np.arange(max(len(x) - TOGETHER, 0) + 1)
     start = int(np.argmax(differs[starts + min(TOGETHER, len(x))] - differs[starts]))
     part = slice(start, start + TOGETHER)
-    waves, good, left = along_line(x[part]), np.ones(len(x[part]), bool), []
-    for values in (right, given):
-        if (found := strong_spectrum(values[:, part], t, rest, own[part])) is None:
-            return False
-        U = found[0] / fall_off(np.abs(found[0]), x[part])
-        left.append(float(np.median(waves(U, good)[1] / np.mean(np.abs(U) ** 2, axis=1))))
-    return left[0] < _LESS * left[1]
+
+    def left(values: Float, places: Float) -> float:
+        by = np.argsort(places, kind="stable")
+        # Two as far on either side stand in one place.
+        at = places[by] + _APART * float(np.ptp(x[part])) * np.arange(len(by))
+        if (found := strong_spectrum(values[:, part][:, by], t, rest, own[part][by])) is None:
+            return np.nan
+        U = found[0] / fall_off(np.abs(found[0]), at)
+        off = along_line(at)(U, np.ones(len(by), bool))[1]
+        return float(np.median(off / np.mean(np.abs(U) ** 2, axis=1)))
+
+    few = left(right, x[part])
+    known = [x[part], *(() if away is None else away[:, part])]
+    # Where nothing is loud enough all are NaN.
+    return all(few < _LESS * left(given, places) for places in known)
