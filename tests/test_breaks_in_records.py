@@ -345,3 +345,22 @@ def test_channels_of_a_slower_clock_filled_in_are_left_out(which):
     assert (one.what, one.size) == ("samples held", "4 times")
     np.testing.assert_array_equal(found.x, np.delete(X, which))
     held(in_time(found, method="auto"))
+
+
+def test_a_late_block_of_a_chain_s_sites_shows_each_wave_beside_its_own():
+    """ω = 4·10⁶ sin(ka/2); 14 of 48 sites 0.4 µs late. Of the chain alone nothing is told."""
+    rng, x, t = np.random.default_rng(6), 1e-3 * np.arange(48), np.arange(900) * 2.5e-7
+    k = 2 * np.pi * np.arange(1, 22) / 0.048
+    omega = 4e6 * np.sin(k * 5e-4)
+    late = np.where((x > 0.0095) & (x < 0.0235), 4e-7, 0.0)
+    for tau in (0.0 * x, late):
+        u = np.zeros((900, 48))
+        for sign in (1, -1):
+            for q, w, p in zip(k, omega, rng.uniform(0, 6.28, len(k)), strict=True):
+                u += np.cos(sign * q * x - w * (t[:, None] - tau) + p)
+        own = record(noisy(u, 1e-2), t, x, ring=True, lattice=True)
+        if not tau.any():
+            assert in_time(own).valid.sum() >= 20
+            continue
+        with pytest.raises(RecordError, match="wavenumbers beside its own"):
+            in_time(own)

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from wavesim.readings.pulse.common_crosstalk import without_still
 from wavesim.readings.pulse.power_law import off_the_law
 from wavesim.readings.pulse.reading import Wanted
 from wavesim.readings.pulse.series import follow_clearest
 from wavesim.readings.pulse.series_reading import read_series
 from wavesim.readings.pulse.transmission_record import transmission_record
+from wavesim.readings.pulse.wave_packets import packets
 
 L, STRESS = 0.1, np.array([10.0, 20.0, 40.0, 80.0, 160.0])
 TIME = L / (60 * STRESS**0.25)
@@ -94,6 +96,18 @@ def test_a_wave_that_does_not_move_is_no_crosstalk():
     for one in readings:
         assert one.best.valid, one.best.reason
         assert abs(one.best.time - TIME[2]) <= 1.96 * one.best.error
+
+
+@pytest.mark.parametrize(("power", "kept"), [(0.25, 1), (0.0, 2)])
+def test_what_stands_still_as_the_waves_move_is_crosstalk_of_an_edge(power, kept):
+    """A square's second edge is heard at once; where no wave moves, nothing tells it."""
+    stress = np.geomspace(25, 800, 7)
+    records = [
+        of(i, 1e4, [(1.2e-3 * one, 1.0), (1e-4, 0.4)])
+        for i, one in enumerate((stress / 25) ** -power)
+    ]
+    heard = without_still([packets(one) for one in records], records, range(7))
+    assert [len(own) for own in heard] == [kept] * 7
 
 
 @pytest.mark.parametrize("sound", [3, 4])

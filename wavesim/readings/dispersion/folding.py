@@ -15,6 +15,10 @@ FOLDED = (
     "reversed polarity, so that k is ambiguous; space receivers closer, turn those round, or have "
     "wavesim pulse follow a pulse's arrivals"
 )
+TURNED = (
+    "waves come to ω = 0 at k = π/d and none at k = 0, as where every other receiver is of "
+    "reversed polarity: turn those round"
+)
 # Where there are two receivers alone.
 OR_BOTH_WAYS = (
     "folded, or of waves both ways, which three receivers tell and two do not: k is ambiguous; add "
@@ -45,6 +49,8 @@ _LINE, _OFF, _BREAK = 4, 0.5, 3.5
 # k = 0 is at that end where ω, if that falls to this part of its most, or its slope is by this
 # part less.
 _LEVEL, _MISSED, _STILL, _CLEARLY = 0.1, 2, 0.1, 0.5
+# What is at k = π/d is told by a branch that reaches this part of it.
+_REACHES = 0.7
 
 
 def _straight(k: Float, omega: Float) -> tuple[float, float, float, float]:
@@ -207,6 +213,25 @@ def mirrored_branches(
         folded[own] |= many and not here < _CLEARLY * there
         folded[beyond] |= not many or not there < _CLEARLY * here
     return folded
+
+
+def turned_in_turn(branch: NDArray[Any], k: Float, omega: Float, gap: float) -> bool:
+    """Whether waves round a ring are seen at π/d − k, as where every other receiver is reversed.
+
+    What moves as a whole has no frequency: ω = 0 is at k = 0, and not at π/d alone.
+
+    Args:
+        branch, k, omega, gap: as of :func:`mirrored_branches`.
+    """
+    step, ends = float(np.diff(np.unique(k)).min(initial=np.inf)), []
+    for number in np.unique(branch[branch >= 0]):
+        own = np.flatnonzero(branch == number)
+        if len(own) >= _FEWEST:
+            here, there = (_at_end(end, k[own], omega[own], step)[0] for end in (0.0, np.pi / gap))
+            ends.append((here, there if k[own].max() > _REACHES * np.pi / gap else np.inf))
+    lowest, edge = np.min(ends, axis=0) if ends else (0.0, 0.0)
+    still = _STILL * float(omega[branch >= 0].max(initial=0.0))
+    return bool(edge < still < _CLEARLY * lowest)
 
 
 def _at_end(end: float, place: Float, at: Float, step: float) -> tuple[float, float]:

@@ -23,7 +23,7 @@ from wavesim.readings.dispersion.fft_peaks import (
     peaks,
     power,
 )
-from wavesim.readings.dispersion.folding import FOLDED, mirrored_branches
+from wavesim.readings.dispersion.folding import FOLDED, TURNED, mirrored_branches, turned_in_turn
 from wavesim.readings.dispersion.harmonic_inversion import DYNAMIC_RANGE, invert
 from wavesim.readings.dispersion.hidden_mode import CLOSE, worth
 from wavesim.readings.dispersion.noise_level import leaked
@@ -186,9 +186,10 @@ def in_time(
         crowd = np.sum(np.abs(points.omega[:, None] - points.omega) < cell, axis=1)
         points = points.refused(2 * crowd * bad > len(quiet.x) / 2, CROWDED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
-    if record.ring and not record.lattice:
+    if record.ring:
         lines = step + 1, points.omega, points.amplitude, points.error, cell
-        check_one_kind(*lines, len(record.x))
+        if not record.lattice:  # two sites of a cell are of two kinds by right
+            check_one_kind(*lines, len(record.x))
         check_no_part_is_unlike(*lines)
     if len(points) and record.leak is not None:
         echo = leaked(step, points.omega, points.amplitude, points.error, cell, bool(quiet.leak))
@@ -203,6 +204,8 @@ def in_time(
     if not record.lattice:
         mirrored = mirrored_branches(*known, record.spacing)
         points = points.refused(mirrored, FOLDED)
+    if record.ring and turned_in_turn(*known, record.spacing):
+        points = points.refused(np.ones(len(points), bool), TURNED)
     step = np.searchsorted(k, points.k * (1 - 1e-12))
     close = CLOSE if method == "harmonic" else 0.0
     hides = worth(bends, points.omega, points.branch, step, cell, points.decay, close)

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from wavesim.readings.pulse.central_band import band_about
 from wavesim.readings.pulse.first_break import envelope
+from wavesim.readings.pulse.series import in_order
 from wavesim.readings.pulse.transmission_record import TransmissionRecord, blanked
+from wavesim.readings.pulse.wave_packets import Packet
 from wavesim.records.windows import moving_mean
 
 Float = NDArray[Any]
@@ -32,6 +34,9 @@ _RISEN = 2.0
 _LEFT, _WAVE = 0.15, 0.08
 # No wave comes sooner than so many periods.
 _SOONEST = 0.25
+# A packet stands still that so many of the records have within this part of a period, and so soon
+# after what was sent is over, in periods.
+_HAVE, _STILL, _SOON = 0.7, 0.12, 2.0
 
 
 def without_common(records: Sequence[TransmissionRecord]) -> list[TransmissionRecord] | None:
@@ -97,3 +102,29 @@ def without_common(records: Sequence[TransmissionRecord]) -> list[TransmissionRe
         )  # fmt: skip
         result.append(blanked(known, min(blank, max(one.blank, one.start + stop))))
     return result
+
+
+def without_still(
+    heard: Sequence[list[Packet]],
+    records: Sequence[TransmissionRecord],
+    order: Sequence[int],
+) -> list[list[Packet]]:
+    """Packets of a series without those that stand still soon after what was sent, as what is left
+    of crosstalk does, and its edges' own; all of them, but where the largest others move in order.
+
+    Args:
+        heard, records: packets, and the records.
+        order: indices of the records, neighbours in state next to each other.
+    """
+    period = float(np.median([one.period for one in records]))
+    tops = [np.array([packet.top for packet in own]) for own in heard]
+    least = _HAVE * sum(len(own) > 0 for own in tops)
+
+    def stands(packet: Packet, record: TransmissionRecord) -> bool:
+        near = sum(bool((np.abs(own - packet.top) < _STILL * period).any()) for own in tops)
+        return near >= least and packet.top < record.length + _SOON * period
+
+    rest = [[q for q in own if not stands(q, r)] for own, r in zip(heard, records, strict=True)]
+    largest = [max(rest[i], key=lambda q: q.size).top for i in order if rest[i]]
+    moves = len(largest) >= max(_FEWEST, least) and in_order(np.array(largest), period)
+    return rest if moves else list(heard)

@@ -129,8 +129,9 @@ def off_the_law(p: Float, velocity: Float, error: Float) -> Float:
 # of ln p apart, a power is likely from here on, and two lines are this far apart in ln t.
 _MOST_CANDIDATES, _FAR, _LEAST_PRIOR, _DISTINCT, _MOST_LINES = 160, 0.3, 0.1, 0.1, 6
 # A power that is foreseen does not hold where no line of it has the direct waves of this part of
-# the records; then others do, so far from it, as one standard deviation.
-_BORNE_OUT, _ANY_POWER = 0.5, 0.4
+# the records, and one of another power, so far from it as one standard deviation, of that part:
+# what stands still in fewer is crosstalk.
+_BORNE_OUT, _OF_ALL, _ANY_POWER = 0.5, 0.8, 0.4
 # A record that ends before a wave says neither for it nor against it: this much.
 _UNSEEN = 0.5
 # A packet should be seen where noise hides only what is smaller by this.
@@ -237,7 +238,11 @@ def lines(
     if each[best] < _BORNE_OUT * len(starts) or not prior[best]:
         # What is likely the direct wave in most records lies on no line of a power that is
         # foreseen: soil that yields, or does not, has others.
-        best = int(np.argmax(each * np.exp(-(((b - slope[0]) / _ANY_POWER) ** 2) / 2)))
+        any_power = int(np.argmax(each * np.exp(-(((b - slope[0]) / _ANY_POWER) ** 2) / 2)))
+        if each[any_power] >= _OF_ALL * len(starts):
+            best = any_power
+        elif not prior[best]:
+            return []
     own_a, own_b = float(a[best]), float(b[best])
     first, weight = line(own_a, own_b, None)
     if (first.packet >= 0).sum() < max(FEWEST, 0.5 * (n - first.ended.sum())):

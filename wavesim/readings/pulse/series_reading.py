@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wavesim.readings.pulse.common_crosstalk import without_common
+from wavesim.readings.pulse.common_crosstalk import without_common, without_still
 from wavesim.readings.pulse.left_open import Arrived, in_crosstalk, left_open, open_between
 from wavesim.readings.pulse.one_receiver import NOTHING, arrived, beside, run_into, settled, unheard
 from wavesim.readings.pulse.power_law import FEWEST, Line, lines
@@ -144,7 +144,9 @@ def _read(
 ) -> tuple[list[Reading], Series, NDArray[np.bool_]]:
     """What the records say together, and which of them are of another set-up."""
     count = len(records)
+    order = np.argsort(p, kind="stable").tolist()
     heard = [[] if one.covered else packets(one) for one in records]
+    heard = without_still(heard, records, order)
     delay = delays.get(OF_ONE, 0.0)
     largest = [max(own, key=lambda q: q.size).top for own in heard if own]
     loose = bool(largest) and float(L.mean() / np.median(largest)) < _LOOSE
@@ -161,7 +163,6 @@ def _read(
         if k is not None:
             breaks = run_into(heard[i][k], records[i], heard[i], float(L[i]), delay, wanted)
             begun[i] = breaks[0] - delay
-    order = np.argsort(p, kind="stable").tolist()
     on_line = waves[0].y if waves else foreseen
     found = follow_clearest(records, order, leaders, delay, on_line, begun, bool(waves))
     rivals = _rivals(records, heard, waves, found, delay, wanted)
