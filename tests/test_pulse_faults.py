@@ -62,6 +62,30 @@ def test_a_straight_drift_is_taken_out_and_another_refuses(clean):
     assert "wanders" in found.record.notes[-1]
 
 
+def test_errors_hold_a_level_that_moves_beneath_the_wave_where_it_is_not_seen(clean):
+    """Law: a jump L turns the phase of U by up to L/ω|U|, at all frequencies alike; of one of two
+    receivers or three, at its peak, where no jump is seen."""
+    held, bars = [], []
+    for seed, size in enumerate([0.01, -0.02, 0.03, -0.04, 0.05, 0.06]):
+        u = clean[:, : 2 + seed % 2] + 1e-3 * np.random.default_rng(seed).standard_normal((4000, 1))
+        bars.append([])
+        for jump in (0.0, size):
+            j = seed % u.shape[1]
+            later = np.arange(len(T)) >= np.argmax(np.abs(u[:, j]))
+            bad = u + jump * np.abs(u).max() * later[:, None] * (np.arange(u.shape[1]) == j)
+            found = measure(T, *named(bad, X[: u.shape[1]]), expected=EXPECTED)
+            one = found.dispersion
+            own = np.isfinite(one.phase_error) & (np.abs(one.omega / (2 * np.pi * F) - 1) < 0.5)
+            truth = one.omega[own] / (LOSSY.lossless(one.omega[own]) / C).real
+            bars[-1].append(np.median(one.phase_error[own]))
+            if jump:
+                held.append(
+                    np.mean(np.abs(one.phase_velocity[own] - truth) <= 1.96 * one.phase_error[own])
+                )
+    assert np.mean(held) >= 0.85
+    assert (np.diff(bars) >= 0).all()
+
+
 @pytest.mark.parametrize("when", [-5e-6, 1.1e-5])
 @pytest.mark.parametrize("sizes", [[0.3, -0.15, 0.06, 0.24, 0.03], [0, 0, 0.4, 0, 0]])
 def test_a_level_that_jumps_is_put_back(clean, when, sizes):

@@ -16,10 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavesim.readings.damped_transform import damped_transform
 from wavesim.readings.pulse.signals import PulseError, PulseRecord
+from wavesim.records.faults.steps import level_moves
 
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
+_ALL_ALIKE = 2.0
 # Receivers count where they stand this far above the noise, and above the truncation exp(−σT).
 ABOVE_NOISE = 3.0
 ABOVE_TRUNCATION = 10.0
@@ -136,7 +138,7 @@ class Spectra:
         noise: standard deviation of U by the noise before the arrival, shape (n, m); NaN where
             that is unknown.
         cut: about what waves that still pass as a gate closes would add to U, and what echoes
-            within it do, shape (n, m).
+            within it do, and levels that move by L beneath the wave, L/|ω|, shape (n, m).
         truncation: most that what follows the record may add to U, shape (m,): with the largest
             |u| of the record's last tenth, |u| exp(−σT)/σ. Through a gate 0.
         source: |spectrum| of the source's signal, or where that is not known of the first
@@ -223,6 +225,11 @@ def spectra(
         # An echo within it is no part of the direct wave.
         last = record.values * window.ending(record.t, record.x)
         cut = np.abs(damped_transform(last, t, omega, 0.0))
+    # A level that is another behind the wave than before it moved somewhere beneath it; all of it
+    # may turn phases, of which noise takes half of its power, and those of all frequencies alike.
+    moved = np.abs([level_moves(u) for u in record.values.T])
+    beneath = moved * np.exp(-sigma * t[np.abs(record.values).argmax(axis=0)])
+    cut = np.hypot(cut, _ALL_ALIKE * beneath / np.abs(omega + 1j * sigma)[:, None])
     tail = np.abs(record.values[t > (1 - _TAIL) * t[-1]]).max(axis=0)
     truncation = tail * np.exp(-sigma * t[-1]) / sigma if sigma else 0 * tail
     duration = float((total[:, 0].sum() * record.interval) ** 2 / power[0])
