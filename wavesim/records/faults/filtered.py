@@ -16,14 +16,15 @@ from wavesim.records.content import RecordError
 
 Float = NDArray[Any]
 
-# Noise by differences of this order; dimensions that hold less than this part of the one before
-# them hold rounding; of so many receivers, two fewer and more.
-_ORDER, _ROUNDING, _FEWEST, _FEWER = 6, 1e-4, 4, 2
+# Noise by differences of this order, which of white noise are like the ones after them by −6/7, and
+# of few waves without noise by their cos ωΔt; dimensions that hold less than this part of the one
+# before them hold rounding; of so many receivers, two fewer and more.
+_ORDER, _WHITE, _ROUNDING, _FEWEST, _FEWER = 6, (-0.92, -0.75), 1e-4, 4, 2
 # Receivers put in between two others by a straight line are no filter's.
 _BETWEEN, _OF_THEM = 1e-6, 0.3
 # This part of the samples, but for those at rest to the last digit, repeat the one before, where
 # levels are known to this part of the step from one to the next: half do after a median of three.
-_REPEAT, _FINE, _FEWEST_STEPS = 0.2, 1e-3, 16
+_REPEAT, _FINE, _FEWEST_STEPS, _LEAST = 0.2, 1e-3, 16, 1e-7
 
 
 def check_unfiltered(v: Float) -> None:
@@ -55,14 +56,19 @@ def _dimensions(v: Float) -> int:
     if nx < _FEWEST:
         return 0
     noise = np.diff(v, _ORDER, axis=0)
+    like = float(np.sum(noise[1:] * noise[:-1]) / max(float(np.sum(noise**2)), 1e-290))
     size = np.sqrt(np.mean(noise**2, axis=0))
     between = np.abs(np.diff(v, 2, axis=1)).max(axis=0) < _BETWEEN * np.abs(v).max()
-    if not size.all() or np.mean(between) > _OF_THEM:
+    if not _WHITE[0] < like < _WHITE[1] or not size.all() or np.mean(between) > _OF_THEM:
         return 0
-    held = np.linalg.svd(noise / size, compute_uv=False)
+    noise = noise / size
+    # Channels that are others', but for a factor, have no noise of their own.
+    same = np.abs(noise.T @ noise) > (1 - _ROUNDING) * len(noise)
+    noise = noise[:, ~np.triu(same, 1).any(axis=0)]
+    held = np.linalg.svd(noise, compute_uv=False)
     falls = np.flatnonzero(held[1:] < _ROUNDING * held[:-1])
-    many = int(falls[0]) + 1 if len(falls) else nx
-    return many if many <= nx - _FEWER else 0
+    many = int(falls[0]) + 1 if len(falls) else len(held)
+    return many if many <= len(held) - _FEWER else 0
 
 
 def _of_medians(v: Float) -> bool:
@@ -74,6 +80,8 @@ def _of_medians(v: Float) -> bool:
         moving, levels = steps[steps > 0], np.diff(np.unique(u))
         if len(moving) < _FEWEST_STEPS:
             continue
-        fine = levels.min() < _FINE * np.median(moving)
+        # What is rounding at rest is no noise.
+        noise = float(np.median(moving))
+        fine = levels.min() < _FINE * noise and noise > _LEAST * np.ptp(u)
         told.append(bool(fine and np.mean(steps == 0) > _REPEAT))
     return bool(told and np.mean(told) > 0.5)
