@@ -213,8 +213,7 @@ def record(
         storage: least distance between numbers as times and positions were stored, s and m.
         notes: what was assumed of it.
         placed: whether receivers must have positions, and there must be two.
-        trusted: whether it is a simulation's, in which no instrument's faults are looked for, and
-            whose array the record takes over.
+        trusted: whether it is a simulation's array, taken over, without an instrument's faults.
         as_recorded: whether channels along a line are not held against each other.
 
     Returns:
