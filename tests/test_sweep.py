@@ -331,6 +331,8 @@ def test_what_is_finished_outlives_a_kill(short, tmp_path):
 def test_a_worker_that_is_lost_loses_nothing(tmp_path):
     """A worker that ends in the middle of a job (−9): another takes the job, and each result comes
     once, though the scheduler gives up what it was at."""
+    import distributed  # noqa: F401  # else its settings go when this one is put back
+
     mark = tmp_path / "ended"
 
     def square(number):
