@@ -21,6 +21,7 @@ from wavesim.records.faults.steps import level_moves
 Float = NDArray[Any]
 Complex = NDArray[np.complex128]
 
+# What a moved level adds to U counts so many times, beside what noise does.
 _ALL_ALIKE = 2.0
 # Receivers count where they stand this far above the noise, and above the truncation exp(−σT).
 ABOVE_NOISE = 3.0

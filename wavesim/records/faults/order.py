@@ -29,6 +29,7 @@ _FEWEST = 4
 _SEEN, _LESS, _STEP = 0.8, 0.5, 0.25
 # … and this part of those that move come nearer to the line.
 _NEARER = 0.8
+# Receivers as far on either side of a source are put apart by this part of the line.
 _APART = 1e-6
 # A source is looked for at so many places for each receiver, and at so many, of which so many are
 # likely; so many receivers are listed.
@@ -165,17 +166,19 @@ def few_waves_alone(
     start = int(np.argmax(differs[starts + min(TOGETHER, len(x))] - differs[starts]))
     part = slice(start, start + TOGETHER)
 
-    def left(values: Float, places: Float) -> float:
-        by = np.argsort(places, kind="stable")
-        # Two as far on either side stand in one place.
-        at = places[by] + _APART * float(np.ptp(x[part])) * np.arange(len(by))
-        if (found := strong_spectrum(values[:, part][:, by], t, rest, own[part][by])) is None:
-            return np.nan
-        U = found[0] / fall_off(np.abs(found[0]), at)
-        off = along_line(at)(U, np.ones(len(by), bool))[1]
-        return float(np.median(off / np.mean(np.abs(U) ** 2, axis=1)))
-
-    few = left(right, x[part])
+    spectra = [strong_spectrum(u[:, part], t, rest, own[part]) for u in (right, given)]
+    if spectra[0] is None or spectra[1] is None:
+        return False
+    as_put, as_given = spectra[0][0], spectra[1][0]
+    few = _left_of_few(as_put, x[part])
     known = [x[part], *(() if away is None else away[:, part])]
-    # Where nothing is loud enough all are NaN.
-    return all(few < _LESS * left(given, places) for places in known)
+    return all(few < _LESS * _left_of_few(as_given, places) for places in known)
+
+
+def _left_of_few(U: Any, places: Float) -> float:
+    """What few waves leave of spectra, shape (n, nx), of receivers at places in any order, –."""
+    by = np.argsort(places, kind="stable")
+    at = places[by] + _APART * float(np.ptp(places)) * np.arange(len(by))
+    U = U[:, by] / fall_off(np.abs(U[:, by]), at)
+    off = along_line(at)(U, np.ones(len(by), bool))[1]
+    return float(np.median(off / np.mean(np.abs(U) ** 2, axis=1)))
